@@ -10,26 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.numba.decorators import as_python
-from ..core.suslov import closed_form as closed, map_3d as steps
+from ..core.suslov import closed_form as closed, map_3d
 from ..maps.evaluation import Formula
 from ..maps.formulas import KAHAN
 from ..maps.problem import Problem
-
-
-def _of_arrays(formula: Any) -> Any:
-    """Return a formula of the kernels as a function of arrays."""
-    return as_python(formula.py_func, of_arrays=True)
-
-
-_frame_of = _of_arrays(steps.frame_of)
-_XY_in_frame = _of_arrays(steps.XY_in_frame)
-_is_supercritical = _of_arrays(steps.is_supercritical)
-_unit_of = _of_arrays(closed.unit_of)
-_constants_of = _of_arrays(closed.constants_of)
-_coordinates = _of_arrays(closed.coordinates)
-_difference_of_squares = _of_arrays(closed.difference_of_squares)
-_steady = _of_arrays(closed.steady)
 
 
 def _numbers(problem: Problem) -> tuple[Any, ...]:
@@ -48,7 +32,6 @@ def in_range(number: FloatArray) -> FloatArray:
     return number + 0.0 * number
 
 
-# ------------------------------------------------------------------------------- of the motion
 def _energy(problem: Problem) -> FloatArray:
     I1, I2, _, _, _, _, w1, w2 = _numbers(problem)
     return np.asarray(0.5 * (I1 * w1 * w1 + I2 * w2 * w2))
@@ -72,17 +55,19 @@ def _reaction(problem: Problem) -> FloatArray:
     numerators cancel only if they cancel in the result, too.
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
-    a, half, x = I1 * I2, 0.5 * eps, I13 * w1 + I23 * w2
-    ell, y = x + k, I23 * I1 * w1 - I13 * I2 * w2
-    of_1, of_2 = I1 * w1 * w1 * (I13 * w1 + k), I2 * w2 * w2 * (I23 * w2 + k)
-    mean = w1 * w2 * (1.0 - half * half * k * ell / a) + half * (of_1 - of_2) / a
-    Y, square = half * y / a, half * half * ell * (2.0 * ell - k) / a
-    det, size = (1.0 - Y) + square, 1.0 + abs(Y) + abs(square)
-    det = np.where(abs(det) > steps.ZERO_TO_ROUNDING * size, in_range(det), np.nan)
+    a, half = I1 * I2, 0.5 * eps
+    x, y = I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
+    ell = x + k
+    difference = I1 * w1 * w1 * (I13 * w1 + k) - I2 * w2 * w2 * (I23 * w2 + k)
+    mean = w1 * w2 * (1.0 - half * half * k * ell / a) + half * difference / a
+    Y = half * y / a
+    square = half * half * ell * (2.0 * ell - k) / a
+    det = (1.0 - Y) + square
+    size = 1.0 + abs(Y) + abs(square)
+    det = np.where(abs(det) > map_3d.ZERO_TO_ROUNDING * size, in_range(det), np.nan)
     return np.asarray((ell * (y - half * ell * x) / a - (I1 - I2) * mean) / det)
 
 
-# --------------------------------------------------------------------------------- of the map
 def _first_integral(problem: Problem) -> FloatArray:
     """Return F of Lemma 1, (6): (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 ell**2)."""
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
@@ -109,14 +94,15 @@ def _invariant_density(problem: Problem) -> FloatArray:
 def _criticality(problem: Problem) -> FloatArray:
     """Return T = e |g| |z| / sqrt(1 + X**2), on the side of 1 on which the steps test it."""
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
-    of_g, step = I13 * (I13 / I1) + I23 * (I23 / I2), eps * (I13 * w1 + I23 * w2 + k)
+    of_g = I13 * (I13 / I1) + I23 * (I23 / I2)
+    step = eps * (I13 * w1 + I23 * w2 + k)
     size = np.hypot(np.sqrt(I1 * of_g) * w1, np.sqrt(I2 * of_g) * w2)
     T = in_range(abs(eps) * size) / np.hypot(2.0 * np.sqrt(I1 * I2), step)
     near = (k != 0.0) | (abs(T - 1.0) < 1e-6)
     if near.any():
-        frame, e = _frame_of(I1, I2, I13, I23, k, eps)  # with the bits of steps
-        X, Y = _XY_in_frame(frame, e, I13, I23, k, w1, w2)
-        beyond = _is_supercritical(frame, X, Y)
+        frame = map_3d.frame_of.of_arrays(I1, I2, I13, I23, k, eps)  # with the bits of steps
+        X, Y = map_3d.XY_in_frame.of_arrays(frame, I13, I23, k, w1, w2)
+        beyond = map_3d.is_supercritical.of_arrays(frame, X, Y)
         T = np.where(near & beyond & (T < 1.0), 1.0, T)
         T = np.where(near & ~beyond & (T >= 1.0), 1.0 - 2.0**-53, T)
     return np.where(eps < 0.0, -T, T)
@@ -125,10 +111,10 @@ def _criticality(problem: Problem) -> FloatArray:
 def _rotation_number(problem: Problem) -> FloatArray:
     """Return sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2; 0 if mu**2 is negative."""
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
-    root_a, g1, g2, *_ = _constants_of(I1, I2, I13, I23)
-    ell, x, nu = _coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
+    root_a, g1, g2, *_ = closed.constants_of.of_arrays(I1, I2, I13, I23)
+    ell, x, nu = closed.coordinates.of_arrays(I13, I23, k, root_a, g1, g2, w1, w2)
     e = 0.5 * eps / root_a
-    square = -_difference_of_squares(ell, x, nu, k, e * ell, e * k)
+    square = -closed.difference_of_squares.of_arrays(ell, x, nu, k, e * ell, e * k)
     turns = np.arctan(abs(e) * np.sqrt(np.where(square < 0.0, 0.0, square))) / np.pi
     return np.where(e * k < 0.0, -turns, turns)
 
@@ -141,13 +127,16 @@ def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
     sign: k1 = -(2 / eps) artanh t. sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
-    unit, t = _unit_of(w1, w2, 0.0), _criticality(problem)
+    t = _criticality(problem)
+    unit = closed.unit_of.of_arrays(w1, w2, 0.0)
     w1, w2, eps = w1 / unit, w2 / unit, eps * unit
-    X, Y = _XY_in_frame(*_frame_of(I1, I2, I13, I23, k, eps), I13, I23, k, w1, w2)
-    root_a, g1, g2, *_ = _constants_of(I1, I2, I13, I23)
-    x, _, nu = _coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
+    frame = map_3d.frame_of.of_arrays(I1, I2, I13, I23, k, eps)
+    X, Y = map_3d.XY_in_frame.of_arrays(frame, I13, I23, k, w1, w2)
+    root_a, g1, g2, *_ = closed.constants_of.of_arrays(I1, I2, I13, I23)
+    x, _, nu = closed.coordinates.of_arrays(I13, I23, k, root_a, g1, g2, w1, w2)
     h = 0.25 * (x * x + nu * nu) / (1.0 + X * X)
-    T, complement = abs(t), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)  # 1 - T**2
+    T = abs(t)
+    complement = (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)  # 1 - T**2
     angle = np.where(T < 0.5, np.arctanh(T), -0.5 * np.log(complement / (1.0 + T) ** 2))
     k1 = -2.0 * unit * np.sqrt(h / (I1 * I2)) * np.where(T > 0.0, angle / T, 1.0)
     k2 = np.where(h == 0.0, 0.0, np.arcsinh(nu / (abs(x) * np.sqrt(complement))))
@@ -163,21 +152,22 @@ def limits(problem: Problem) -> list[FloatArray]:
     fixed state both are this state. For eps = 0 they are the limits of the motion.
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
-    unit = _unit_of(w1, w2, k)
+    unit = closed.unit_of.of_arrays(w1, w2, k)
     w1, w2, k, eps = w1 / unit, w2 / unit, k / unit, eps * unit
-    root_a, g1, g2, h1, h2, per_g = _constants_of(I1, I2, I13, I23)
-    ell, x, nu = _coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
+    root_a, g1, g2, h1, h2, per_g = closed.constants_of.of_arrays(I1, I2, I13, I23)
+    ell, x, nu = closed.coordinates.of_arrays(I13, I23, k, root_a, g1, g2, w1, w2)
     e = 0.5 * eps / root_a
     X, Y, K = e * ell, e * nu, e * k
-    square = _difference_of_squares(ell, x, nu, k, X, K)
-    is_known = (abs(X) <= steps.RANGE) & (abs(Y) <= steps.RANGE) & (abs(K) <= steps.RANGE)
+    square = closed.difference_of_squares.of_arrays(ell, x, nu, k, X, K)
+    is_known = (abs(X) <= map_3d.RANGE) & (abs(Y) <= map_3d.RANGE) & (abs(K) <= map_3d.RANGE)
     root = np.where(is_known, np.sqrt(square), np.nan)
-    L, fixed = np.where(eps < 0.0, -root, root), (ell == 0.0) | (w1 == 0.0) & (w2 == 0.0)
+    root = np.where(eps < 0.0, -root, root)
+    fixed = (ell == 0.0) | (w1 == 0.0) & (w2 == 0.0)
     found = []
     for sign in (1.0, -1.0):
-        v1, v2 = _steady(g1, g2, h1, h2, -k, sign * L)
+        v1, v2 = closed.steady.of_arrays(g1, g2, h1, h2, -k, sign * root)
         v1, v2 = np.where(fixed, w1, v1 * per_g), np.where(fixed, w2, v2 * per_g)
-        undefined = (ell == 0.0) & (abs(1.0 + sign * Y) < 2.0 * steps.ZERO_TO_ROUNDING)  # 0 / 0
+        undefined = (ell == 0.0) & (abs(1.0 + sign * Y) < 2.0 * map_3d.ZERO_TO_ROUNDING)  # 0 / 0
         limit = (np.where(undefined, np.nan, v * unit) for v in (v1, v2))
         found.append(_vectors(problem, *limit))
     return found
@@ -187,18 +177,22 @@ def limits(problem: Problem) -> list[FloatArray]:
 def step_full(problem: Problem) -> FloatArray:
     """Return the next state of equations (3): w3_next = -w3; the first two give the increments."""
     I1, I2, I13, I23, _, eps, w1, w2, w3 = _numbers(problem)
-    I3, half, x = problem.body.I3, 0.5 * eps, I13 * w1 + I23 * w2
-    a11, a12 = I1 + half * (I13 * w2), half * (x + I23 * w2 + (I3 - I2) * w3)
-    a21, a22 = half * ((I1 - I3) * w3 - x - I13 * w1), I2 - half * (I23 * w1)
+    I3, half = problem.body.I3, 0.5 * eps
+    x = I13 * w1 + I23 * w2
+    a11 = I1 + half * (I13 * w2)
+    a12 = half * (x + I23 * w2 + (I3 - I2) * w3)
+    a21 = half * ((I1 - I3) * w3 - x - I13 * w1)
+    a22 = I2 - half * (I23 * w1)
     b1 = 2.0 * (I13 * w3 - half * (I23 * w3 * w3 + w2 * x))
     b2 = 2.0 * (I23 * w3 + half * (I13 * w3 * w3 + w1 * x))
-    det, size = a11 * a22 - a12 * a21, abs(a11 * a22) + abs(a12 * a21)
-    inverse = 1.0 / np.where(abs(det) > steps.ZERO_TO_ROUNDING * size, det, np.nan)
-    next1, next2 = w1 + (a22 * b1 - a12 * b2) * inverse, w2 + (a11 * b2 - a21 * b1) * inverse
+    det = a11 * a22 - a12 * a21
+    size = abs(a11 * a22) + abs(a12 * a21)
+    inverse = 1.0 / np.where(abs(det) > map_3d.ZERO_TO_ROUNDING * size, det, np.nan)
+    next1 = w1 + (a22 * b1 - a12 * b2) * inverse
+    next2 = w2 + (a11 * b2 - a21 * b1) * inverse
     return _vectors(problem, next1, next2, -w3)
 
 
-# --------------------------------------------------------------------------------- of a body
 def scattering_angle(
     I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
 ) -> FloatArray:
@@ -209,14 +203,17 @@ def scattering_angle(
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
     # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
     with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
-        m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
-        A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
+        m = np.hypot(I13, I23)
+        D = I13 * I13 * I2 + I23 * I23 * I1
+        A = 0.5 * np.pi * (I1 * I2 * (m / D))
+        B = 0.5 * np.pi * np.sqrt(I1 * I2) / m
         C = abs(B * (I13 * (I2 - I1) / D * I23))
         kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
         P, Q = kappa.real, kappa.imag
         gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
         # Numerators and denominators are divided by exp(A), so that they do not overflow.
-        cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
+        cosine = np.cos(Q) / (1.0 + np.exp(-2.0 * A))
+        sine = np.sin(Q) / -np.expm1(-2.0 * A)
         S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
         product = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
         return np.asarray(2.0 * np.arctan2(S, np.sqrt(product) * np.hypot(cosine, sine)))[()]
@@ -225,10 +222,11 @@ def scattering_angle(
 def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     """Return the eigenvalues (..., 2) of f' (..., 2, 2) at steady states.
 
-    The one along a line of steady states is exactly 0. Without a rotor they are real.
+    The eigenvalue along a line of steady states is exactly 0. Without a rotor both are real.
     """
-    (I1, I2, _, _, k), x = problem.body._constants, problem.omega
-    trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
+    I1, I2, _, _, k = problem.body._constants
+    trace = np.trace(slopes, axis1=-2, axis2=-1)
+    at_rest = (problem.omega == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
     values = np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
     return values if np.any(k) else values.real

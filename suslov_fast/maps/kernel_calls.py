@@ -45,7 +45,7 @@ def call_kernel(
     if kernel.by_numpy(*arguments):
         return
     if work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1:
-        kernel.briefly(seconds, *arguments)
+        kernel.interpreted_or_serial(seconds, *arguments)
     elif not _parallel(kernel, threads, arguments):
         kernel.serial(*arguments)
 

@@ -147,6 +147,15 @@ def test_overflow_is_no_number():
     assert motion.status.tolist() == [sf.Status.OK, sf.Status.NONFINITE]
 
 
+def test_coefficients_out_of_range_are_no_pole():
+    """Those of extreme bodies overflow, although states and rates are in the range."""
+    body = sf.Suslov3D(1e-50, 1e-50, 1e60, 0.0)
+    with pytest.warns(RuntimeWarning, match="^1 of 1 orbits") as caught:
+        motion = sf.flow(body, [4e9, 2e9], time=1.0)
+    assert [each.category for each in caught] == [RuntimeWarning]  # of a pole: IntegrationWarning
+    assert np.isnan(motion.states).all()
+
+
 def test_orbits_that_turn_next_to_their_steady_state():
     """Coefficients that cancel there are multiplied by n**2."""
     body, omega = sf.Suslov3D(4, 1, -0.5, -0.3, k=1), [0.81967213, 1.96721311]

@@ -46,7 +46,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 from package.core import decorators as options, loops
 import numpy as np
-options.PATIENCE = -1.0  # nothing runs as Python
+options.WARM_UP = -1.0  # nothing runs as Python
 assert loops.__file__.startswith(sys.argv[1])
 x = np.arange(3.0)
 for name in sys.argv[2:]:
@@ -141,7 +141,7 @@ def test_without_a_writable_folder(folder):
 
 
 def test_the_folder_of_the_files_of_a_function(body, monkeypatch):
-    monkeypatch.setattr(decorators, "PATIENCE", -1.0)  # compile, whatever ran before
+    monkeypatch.setattr(decorators, "WARM_UP", -1.0)  # compile, whatever ran before
     sf.iterate(body, [1.0, 0.5], 0.2, 1)
     assert list(Path(steps_3d.steps.compiled.stats.cache_path).glob("*steps.steps_*.nbi"))
 

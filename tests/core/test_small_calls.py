@@ -77,13 +77,13 @@ def as_in_an_empty_process(monkeypatch):
     def begin():
         modules = [name for name in sys.modules if name.startswith("suslov_fast")]
         for each in [each for name in modules for each in vars(sys.modules[name]).values()]:
-            if isinstance(each, decorators.Patient):
+            if isinstance(each, decorators.Tiered):
                 monkeypatch.setattr(each, "seconds", 0.0)
-                names = ["briefly", "serial", "_address_of_code", "is_compiled"]
+                names = ["_address_of_code", "is_compiled"]
                 for name in names:
                     monkeypatch.delitem(vars(each), name, raising=False)
         monkeypatch.setattr(decorators, "is_kept", lambda *_: False)
-        monkeypatch.setattr(decorators, "PATIENCE", 1000.0)
+        monkeypatch.setattr(decorators, "WARM_UP", 1000.0)
 
     return begin
 
@@ -91,16 +91,16 @@ def as_in_an_empty_process(monkeypatch):
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("name", CALLS)
 def test_same_bits(name, as_in_an_empty_process, monkeypatch):
-    monkeypatch.setattr(decorators, "PATIENCE", -1.0)
+    monkeypatch.setattr(decorators, "WARM_UP", -1.0)
     expected = CALLS[name]()
     as_in_an_empty_process()
-    called, call_in_python = [], decorators.Patient.in_python
+    called, call_in_python = [], decorators.Tiered.interpret
 
     def note(self, *arguments):
         called.append(self)
         return call_in_python(self, *arguments)
 
-    monkeypatch.setattr(decorators.Patient, "in_python", note)
+    monkeypatch.setattr(decorators.Tiered, "interpret", note)
     found = CALLS[name]()
     assert called
     for one, other in zip(found, expected, strict=True):

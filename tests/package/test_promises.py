@@ -84,7 +84,7 @@ def test_threads_and_chunks(rng, monkeypatch, name, kind):
     row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
-    monkeypatch.setattr(compiling, "PATIENCE", -1.0)  # kernels, not NumPy
+    monkeypatch.setattr(compiling, "WARM_UP", -1.0)  # kernels, not NumPy
     same(alone, row.values(*problem, threads=TWO_THREADS))
     for module, name in ((batch, "CHUNK_WORK"), (batch, "TURNING"), (exact, "SLICE")):
         monkeypatch.setattr(module, name, 2**6)

@@ -13,7 +13,7 @@ import threading
 from llvmlite import binding
 from numba import config
 
-from ..numba.decorators import advice_on_numba
+from ..numba.decorators import advice_on_numba, free_in_children
 
 # Total length of the texts of codes that are kept and need not last: some 250 MB of memory. Each
 # code counts as LEAST_TEXT at least, because it takes two memory mappings; Linux grants 65,530 to
@@ -29,7 +29,6 @@ def pointer(kind):
     return "ptr" if binding.llvm_version_info[0] > 16 else f"{kind}*"
 
 
-# ------------------------------------------------------------------------------------------ compile
 class Address(int):
     """The address of machine code; the code stays in memory as long as this object."""
 
@@ -38,10 +37,7 @@ known_codes = {}  # addresses, by the arguments of `code_of`
 _engines = {}  # by level of optimisation, and whether their code lasts
 _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
-if hasattr(os, "register_at_fork"):  # a child has no thread that would give it back
-    os.register_at_fork(
-        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
-    )
+free_in_children(_lock)
 
 
 def code_of(text_of, step, W=1, *options, lasts=False):
@@ -95,7 +91,8 @@ def _compile(text, name, level, lasts):
 
     If `lasts` is true, the engine of the code is never dropped.
     """
-    module, kind = binding.parse_assembly(text), (level, lasts)
+    module = binding.parse_assembly(text)
+    kind = level, lasts
     if kind in _engines:
         _engines[kind].add_module(module)
     else:
@@ -135,7 +132,6 @@ def numbers_in_register():
     return 8 if "+avx512f" in features else 4 if "+avx2" in features else 2
 
 
-# ------------------------------------------------------------------------------------------- calls
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 

@@ -54,16 +54,13 @@ LONGEST_ONCE = 400_000
 
 
 def of_one_sign(indices):
-    """Return the i where each term v x_j x_k of f_i (`indices`) has x_i, which keeps its sign."""
+    """Return the i of the x_i that keep their signs: all terms v x_j x_k of f_i contain x_i."""
     i, j, k = indices
     return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
 
 
 def _plan_of(indices, D):
-    """Return the order of pivots in 1 - N(x), places after fill-in, and places that depend on x.
-
-    N is (eps / 2) f'; `indices` (3, T) are i, j, k of the terms v x_j x_k of f_i.
-    """
+    """Return the order of pivots in 1 - N(x), places after fill-in, and places that depend on x."""
     pattern, varying = places_of(indices, D)
     order = elimination_order(pattern, D)
     return order, filled(pattern, order), varying
@@ -109,12 +106,13 @@ class Step:
         self._separate_fixed()
 
     def _begin(self, indices, D):
-        self.indices, self.D, self.T = indices, D, indices.shape[1]
+        self.indices, self.T = indices, indices.shape[1]
+        self.D = self.state_D = D  # components, and those of x without columns
         self.of_one_sign = of_one_sign(indices)
         self.values = Values(D + self.T, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
-        self.own_D = D  # components of x
-        self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+        self.after, self.after_rare = [*range(D)], [*range(D)]
+        self.places = {}
 
     def _increments(self, indices, D, halves, order, fill):
         """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0.
@@ -122,14 +120,15 @@ class Step:
         delta is (x_next - x) / 2; `halves` are the numbers of the values h v of terms at `indices`.
         `order` (of pivots) and `fill` (nonzeros after fill-in) are from `_plan_of`.
         """
-        right, matrix = {}, Matrix(indices, D, self.values, range(D), halves)
-        self.matrix, self.factors = matrix, Factors(matrix, order, fill, right)
+        right = {}
+        self.matrix = Matrix(indices, D, self.values, range(D), halves)
+        self.factors = Factors(self.matrix, order, fill, right)
         for k in reversed(order):
             right[k] = self.factors.backward(k, right)
-        found = {k: half for k, half in sorted(right.items()) if half is not None}
-        for k, half in found.items():
+        increments = {k: half for k, half in sorted(right.items()) if half is not None}
+        for k, half in increments.items():
             self.after[k] = self.values.total(k, [(2.0, half)])
-        return found
+        return increments
 
     @cached_property
     def key(self):
@@ -168,11 +167,11 @@ class Step:
         self.after_rare = [*self.after]
         if increments:
             beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
-            far = joined("fadd", [larger(0.0, excess) for excess in beyond])  # NaN stays NaN
-            common.append(far < np.inf)
+            excess = joined("fadd", [larger(0.0, each) for each in beyond])  # NaN stays NaN
+            common.append(excess < np.inf)
             if len(increments) == self.D:  # or a component equals its limit, such as 0 that stays 0
                 at_limit = [sizes[k].equals(limits[k]) for k in increments]
-                common.append(joined("or", [far > 0.0, *at_limit]))
+                common.append(joined("or", [excess > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()
             for k in increments:
                 self.after_rare[k] = keeps.select(after[k], number(following[k])).number
@@ -199,7 +198,8 @@ class Step:
 
     def _separate_fixed(self):
         """Move operations on parameters alone to `fixed`; list their values in use in `table`."""
-        fixed, table = self.values.fixed, {}
+        fixed = self.values.fixed
+        table = {}
         rare = {number for _, number, _ in self.rare}
         self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
         others = [operation for operation in self.values.operations if operation[1] not in fixed]
@@ -238,7 +238,8 @@ class ExtendedStep(Step):
         size = D * (2 + D)
         self._begin(indices, size)
         order, fill, varying = _plan_of(indices, D)
-        self.own_D, halves = D, range(size, size + indices.shape[1])
+        self.state_D = D
+        halves = range(size, size + self.T)
         if D > MOST_COLUMNS or work_of(order, fill, varying)[0] * D > MOST_WORK:
             return
         increments = self._increments(indices, D, halves, order, fill)
@@ -253,10 +254,11 @@ class ExtendedStep(Step):
 
     def _columns(self, back, D):
         """Return (1 - N(x))**-1 (1 + N(x_next)) q for D columns q; N = h f'; `back`: N(x_next)."""
-        values, step, found = self.values, self.factors, []
+        values, step, columns = self.values, self.factors, []
         entries = {place: back.entry(*place)[0] for place in sorted(back.pattern)}
         for c in range(D):
-            q, v = range(D * (1 + c), D * (2 + c)), {}
+            q = range(D * (1 + c), D * (2 + c))
+            v = {}
             for k in step.order:
                 products = [(a, q[j]) for (i, j), a in entries.items() if i == k]
                 v[k] = values.total(q[k], products)
@@ -265,21 +267,21 @@ class ExtendedStep(Step):
                 v[k] = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
                 if k in step.inverse:
                     v[k] = values.emit("fmul", step.inverse[k], v[k])
-            found.append([values.number(v[k]) for k in range(D)])
-        return found
+            columns.append([values.number(v[k]) for k in range(D)])
+        return columns
 
     def _orthonormal(self, columns, D):
         """Return the columns orthonormalised; add logarithms of lengths to the sums in `after`."""
-        found, first = [], D * (1 + D)
+        units, first = [], D * (1 + D)
         for c, q in enumerate(columns):
-            for p in found:
+            for p in units:
                 part = joined("fadd", [a * b for a, b in zip(p, q, strict=True)])
                 q = [b - part * a for a, b in zip(p, q, strict=True)]
             length = joined("fadd", [a * a for a in q]).sqrt()
             inverse = length.equals(0.0).select(0.0, 1.0 / length)
-            found.append([inverse * a for a in q])
+            units.append([inverse * a for a in q])
             self.after[first + c] = (self.values.number(first + c) + length.then("log")).number
-        return found
+        return units
 
 
 # Components, and products of elimination times components, of programs with columns. NumPy and

@@ -27,14 +27,7 @@ from ..numba.threads import in_parts
 from .dense import take_dense
 from .driver import NOT_READY, SLOT, WIDTH, DriverArguments, text_of_steps
 from .kahan_step import Step
-from .packs import (
-    PLANS,
-    in_lines,
-    note_undefined,
-    packed,
-    plan_of,
-    tables_of,
-)
+from .packs import PLANS, in_lines, note_undefined, packed, plan_of, tables_of
 from .pivoting import ENDED, PASSED, arguments_of, pivoting_step
 from .stages import WHOLE, Scheme
 
@@ -55,7 +48,6 @@ def scheme_of(indices, D, stages=WHOLE):
     return Scheme(_step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D), stages)
 
 
-# ------------------------------------------------------------------------------------------- lines
 class _Lines:
     """Trajectories in lines of W lanes, with all the arrays that their steps need.
 
@@ -68,9 +60,10 @@ class _Lines:
     """
 
     def __init__(self, arguments, states, notes, W):
-        (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
+        self.scheme, *parameters = arguments
+        self.notes = notes
+        self.W, self.D = W, self.scheme.step.D
         self.B, self.count = len(states), -(-len(states) // W)
-        self.D = self.scheme.step.D
         self.for_each = max(map(len, parameters)) > 1
         self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.marks = np.zeros((2, self.count), np.uint8)
@@ -103,24 +96,24 @@ class _Lines:
         else True. After False the steps must be taken again, with `seconds`, the time that pivoting
         would take in Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
         """
-        stages, in_python = len(self.scheme.stages.fractions), False
+        stages = len(self.scheme.stages.fractions)
         every = min(every, stop + 1)  # times stages, it is an integer of 64 bits
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
         address = code_of(text_of_steps, self.scheme.step, self.W, self.for_each, saved.size > 0)
         is_short = self.count * (stop - start) <= SHORT_RUN
-        pivoting_address = 0
+        pivoting_address, in_python = 0, False
         is_field = self.scheme.step.of is None
         if is_field and (seconds is not None or (pivoting_step.is_compiled and not is_short)):
             pivoting_address = pivoting_step.address_for(seconds or 0.0)
             in_python = not pivoting_step.is_compiled
-        own, _kept_alive = self._driver_arguments(start, steps, *rows, pivoting_address)
+        numbers, _kept_alive = self._driver_arguments(start, steps, *rows, pivoting_address)
         of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)
         budget = max(PIVOTING_TIME // of_one, 1)
-        while own[SLOT.line] < own[SLOT.lines] and not abandoned:
-            own[SLOT.budget] = budget
+        while numbers[SLOT.line] < numbers[SLOT.lines] and not abandoned:
+            numbers[SLOT.budget] = budget
             with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
-                if call(address, own) == NOT_READY:
+                if call(address, numbers) == NOT_READY:
                     return False
         return True
 
@@ -130,13 +123,13 @@ class _Lines:
         `start` is the first state. `steps`, `until` (the first saved state) and `between` (two
         saved states) count stages. `pivoting` is the address of `pivoting_step`, or 0.
         """
-        arrays, own = None, None
+        arrays, of_pivoting = (), np.empty(0)
         if pivoting:
             step, stages = self.scheme
-            memory = np.empty(step.own_D * (3 * step.own_D + 4) + step.T)
+            memory = np.empty(step.state_D * (3 * step.state_D + 4) + step.T)
             arrays = self.x, self.halves, np.array(stages.fractions), step.indices
             arrays = *arrays, *self.notes, self.marks, memory
-            own = arguments_of(arrays, step.own_D, start)
+            of_pivoting = arguments_of(arrays, step.state_D, start)
         # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
         # a short block waits for the one before it.
         blocks = -(-8 * self.x.size // 2**15)
@@ -161,16 +154,11 @@ class _Lines:
             failed_at=address_of(self.notes[1]),
             first=start + 1,
             pivoting_step=pivoting,
-            pivoting_arguments=own.ctypes.data if pivoting else 0,
+            pivoting_arguments=address_of(of_pivoting),
             until=until,
             row=row,
         )
-        return np.array(numbers, np.int64), (arrays, own, plan)
-
-
-def _is_dense(step):
-    """Return True if `dense` takes the steps: the field has no program, and is not sparse."""
-    return not (step.usual or step.is_sparse)
+        return np.array(numbers, np.int64), (arrays, of_pivoting, plan)
 
 
 class FieldSteps(Kernel):
@@ -184,17 +172,18 @@ class FieldSteps(Kernel):
             _iterate_part(part, parts, *arguments, abandoned)
 
     def serial(self, arguments, *others):
-        if _is_dense(arguments[0].step):
-            take_dense(1, arguments, *others)
-        else:
-            self(0, 1, arguments, *others)
+        self.parallel(1, arguments, *others)
 
-    def briefly(self, _, *arguments):
-        self.serial(*arguments)
+    def interpreted_or_serial(self, _, *arguments):
+        self.parallel(1, *arguments)
 
     def parallel(self, threads, arguments, *others):
-        if _is_dense(arguments[0].step):
+        step = arguments[0].step
+        if not (step.usual or step.is_sparse):  # it has no program
             take_dense(threads, arguments, *others)
+            return
+        if threads == 1:
+            self(0, 1, arguments, *others)
             return
         abandoned = []
 
@@ -210,15 +199,16 @@ def _iterate_part(part, parts, arguments, omega0, span, output, abandoned):
     `arguments` are a `Scheme`, values and eps, `span` and `output` a `Span` and an `Output`.
     `omega0` (B, D) are the first states if start = 0. End early if `abandoned` is not empty.
     """
-    (scheme, *parameters), begin, end = arguments, span.begin, span.end
+    scheme, *parameters = arguments
+    begin, end = span.begin, span.end
     starts = omega0 if span.start == 0 else output.final
     W = WIDTH if end - begin > WIDTH else min(1 << (end - begin - 1).bit_length(), 4)
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)
-    for low in range(first, last, CHUNK):
-        chunk = slice(low, min(low + CHUNK, last))
-        own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
+    for at in range(first, last, CHUNK):
+        chunk = slice(at, min(at + CHUNK, last))
+        of_chunk = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
         states, written = starts[chunk], output.of(chunk)
         notes = written.status, written.failed_at, written.carry[0]
         if span.start == 0:
@@ -226,18 +216,15 @@ def _iterate_part(part, parts, arguments, omega0, span, output, abandoned):
         if not scheme.step.usual:
             from . import superlu  # here, because importing SciPy takes time
 
-            superlu.take(own, states, span, written, abandoned)
+            superlu.take(of_chunk, states, span, written, abandoned)
             continue
-        lines = _Lines(own, states, notes, W)
+        lines = _Lines(of_chunk, states, notes, W)
         _take_steps(lines, states, span, written.saved, abandoned)
         written.final[:] = lines.states()
 
 
 def _take_steps(lines, states, span, saved, abandoned):
-    """Take steps of `_Lines`; take them again from `states` (B, D) if they need pivoting.
-
-    `saved` is a row of an `Output`. End early if `abandoned` is not empty.
-    """
+    """Take steps of `_Lines`; take them again from `states` (B, D) if they need pivoting."""
     _, _, start, stop, every, row = span
     if every and start == 0:
         saved[row] = lines.states()

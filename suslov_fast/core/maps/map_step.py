@@ -27,9 +27,11 @@ class MapStep(ExtendedStep):
     """
 
     def __init__(self, f, columns=False):
-        D, self.of = f.D, f
+        self.of = f
+        D = f.D
         size = D * (2 + D) if columns else D
-        self.D, self.T, self.own_D, self.is_sparse = size, f.P, 0, True
+        self.D, self.T = size, f.P
+        self.is_sparse = True
         self.of_one_sign = set()
         self.fixed, self.table, self.usual, self.rare, self.places = [], [], [], [], {}
         self.values = values = Expressions(size + f.P, range(size, size + f.P))
@@ -51,7 +53,7 @@ class MapStep(ExtendedStep):
         self._separate_fixed()
 
     def with_columns(self):
-        return _with_columns(self.of)
+        return map_step(self.of, True)
 
     def _separate_fixed(self):
         super()._separate_fixed()
@@ -60,13 +62,14 @@ class MapStep(ExtendedStep):
         self.fixed = [operation for operation in self.values.operations if operation[1] in both]
 
     def _add_columns(self, entries, D):
-        number, found = self.values.number, []
+        """Add D columns f'(x) q, orthonormalised; `entries` are {(i, j): f'_ij}."""
+        number, columns = self.values.number, []
         for c in range(D):
             q = [number(D * (1 + c) + j) for j in range(D)]
             rows = [[number(a) * q[j] for (k, j), a in entries.items() if k == i] for i in range(D)]
-            found.append([joined("fadd", row) if row else number(0.0) for row in rows])
-        found = self._orthonormal(found, D)
-        self.after[D : D * (1 + D)] = [a.number for q in found for a in q]
+            columns.append([joined("fadd", row) if row else number(0.0) for row in rows])
+        columns = self._orthonormal(columns, D)
+        self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
 
     def _add_test(self, D):
         """Add the tests `accurate` (f(x) finite, x not NaN) and `good` (sum finite, or all NaN).
@@ -75,7 +78,8 @@ class MapStep(ExtendedStep):
         A sum is faster, but may overflow where f(x) is finite; a - a is 0 or NaN.
         """
         number = self.values.number
-        tested, stays = [number(a) for a in self.after[:D]], self._stays_nan(D)
+        tested = [number(a) for a in self.after[:D]]
+        stays = self._stays_nan(D)
         if not any(stays):  # for example if f selects between constants
             tested += [0.0 * number(i) for i in range(D)]
         accurate = joined("fadd", [a - a for a in tested]).equals(0.0)
@@ -85,22 +89,17 @@ class MapStep(ExtendedStep):
 
     def _stays_nan(self, D):
         """Return, for each component of f(x), True if it is NaN whenever all of x are NaN."""
-        found = {*range(D)}
+        are_nan = {*range(D)}
         for name, number, operands in self.values.operations:
             of = operands[_PASSES_NAN_ON.get(name, slice(None))]
-            is_nan = [not isinstance(a, float) and a in found for a in of]
+            is_nan = [not isinstance(a, float) and a in are_nan for a in of]
             if name not in OF_TRUTH_VALUES and (all if name == "select" else any)(is_nan) and of:
-                found.add(number)
-        return [a in found for a in self.after[:D]]
+                are_nan.add(number)
+        return [a in are_nan for a in self.after[:D]]
 
     @cached_property
     def key(self):
         return repr((self.D, self.values.operations, self.after, self.table))
 
 
-@functools.lru_cache(64)
-def _with_columns(f):
-    return MapStep(f, True)
-
-
-map_step = functools.lru_cache(64)(MapStep)
+map_step = functools.lru_cache(128)(MapStep)

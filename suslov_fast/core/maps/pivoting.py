@@ -1,7 +1,8 @@
 """Steps of a field by elimination with pivoting, for lanes in which the usual program loses digits.
 
 Such a lane solves A(x) x_next = x + (eps/2) l x + eps c, A(x) = 1 - (eps/2) f'(x), where l and c
-are the linear and constant parts of the field f.
+are the linear and constant parts of the field f. Functions take f as arrays `indices` (3, T), which
+are i, j and k of the terms v x_j x_k of f_i, and `half` (T,), which are eps v / 2.
 """
 
 import math
@@ -20,10 +21,7 @@ ENDED, PASSED = range(2)  # rows of `LineArguments.marks`
 
 @function
 def fill_system(indices, half, sign, x, system):
-    """Fill the first D columns of `system` with the matrix 1 - sign (eps / 2) f'(x).
-
-    `indices` (3, T) and `half` (T,) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i.
-    """
+    """Fill the first D columns of `system` with the matrix 1 - sign (eps / 2) f'(x)."""
     D = len(x)
     for i in range(D):
         for j in range(D):
@@ -40,7 +38,6 @@ def fill_system(indices, half, sign, x, system):
 def solve_lane(indices, half, x, system, units):
     """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0.
 
-    `indices` (3, T) and `half` (T,) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i.
     `system` (D, D + 1) and `units` (2, D) are memory.
     """
     D, negative = len(x), False
@@ -68,7 +65,7 @@ def crosses_0(x, after):
 def changes_sign(indices, x, after):
     """Return True if a component that keeps its sign along the motion changes it from x to `after`.
 
-    x_i keeps its sign if all terms v x_j x_k of f_i contain it; `indices` (3, T) are i, j, k.
+    x_i keeps its sign if all terms of f_i contain it.
     """
     for i in range(len(x)):
         if crosses_0(x[i], after[i]):
@@ -85,9 +82,8 @@ def changes_sign(indices, x, after):
 def take_columns(indices, half, x, after, tangent, units):
     """Multiply the columns in x by the derivative of the step to `after`; orthonormalise them.
 
-    x is the state before the step, D columns, and D sums of logarithms of lengths. `indices` (3, T)
-    and `half` (T,) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i. `tangent` (D, 2 D) and
-    `units` (2, D) are memory.
+    x is the state before the step, D columns, and D sums of logarithms of lengths. `tangent`
+    (D, 2 D) and `units` (2, D) are memory.
     """
     D = len(after)
     fill_system(indices, half, -1.0, after, tangent)
@@ -119,23 +115,23 @@ class LineArguments(NamedTuple):
     """The integers of the array that `pivoting_step` takes: addresses of arrays, and lengths."""
 
     x: int  # (lines, D, W)
-    halves: int  # (own_lines, T, own_W), half the step size times the values of the terms
+    halves: int  # (sets, T, of_set), half the step size times the values of the terms
     fractions: int  # (stages,), of eps
     indices: int  # (3, T)
     status: int  # (B,)
     failed_at: int  # (B,)
     poles: int  # (B,), the first state beyond a pole, negative if found by a change of sign
     marks: int  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
-    memory: int  # (own_D (3 own_D + 4) + T,)
+    memory: int  # (state_D (3 state_D + 4) + T,)
     lines: int
     D: int
     W: int
-    own_lines: int  # 1 or `lines`
+    sets: int  # `lines` if each lane has its own parameters, else 1
     T: int
-    own_W: int  # 1 or W
+    of_set: int  # W, or 1
     stages: int
     B: int
-    own_D: int  # components of x without columns
+    state_D: int  # components of x without columns
     first: int  # number of the state before the first step
 
 
@@ -143,13 +139,10 @@ PLACE = LineArguments(*range(len(LineArguments._fields)))
 _COUNT = len(PLACE)
 
 
-def arguments_of(arrays, own_D, first):
-    """Return `LineArguments` as an array: addresses of `arrays`, in field order, and lengths.
-
-    `own_D` counts components of x without columns. `first` is the number of the first state.
-    """
+def arguments_of(arrays, state_D, first):
+    """Return `LineArguments` as an array: the addresses of `arrays`, and the other fields."""
     x, halves, fractions, _, status, *_ = arrays
-    lengths = *x.shape, *halves.shape, len(fractions), len(status), own_D, first
+    lengths = *x.shape, *halves.shape, len(fractions), len(status), state_D, first
     return np.array([*(array.ctypes.data for array in arrays), *lengths], np.int64)
 
 
@@ -161,9 +154,10 @@ def pivoting_step(address, line, bad, signs, n):
     `signs` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
     """
     a = array_at(address, (_COUNT,), np.int64)
-    lines, W, T, stages, D = a[PLACE.lines], a[PLACE.W], a[PLACE.T], a[PLACE.stages], a[PLACE.own_D]
+    lines, W, T = a[PLACE.lines], a[PLACE.W], a[PLACE.T]
+    stages, D = a[PLACE.stages], a[PLACE.state_D]
     x = array_at(a[PLACE.x], (lines, a[PLACE.D], W), np.float64)
-    halves = array_at(a[PLACE.halves], (a[PLACE.own_lines], T, a[PLACE.own_W]), np.float64)
+    halves = array_at(a[PLACE.halves], (a[PLACE.sets], T, a[PLACE.of_set]), np.float64)
     fractions = array_at(a[PLACE.fractions], (stages,), np.float64)
     indices = array_at(a[PLACE.indices], (3, T), np.int64)
     statuses = array_at(a[PLACE.status], (a[PLACE.B],), np.int8)
@@ -176,10 +170,13 @@ def pivoting_step(address, line, bad, signs, n):
     state = array_at(memory + 8 * D * (D + 3), (D,), np.float64)
     half = array_at(memory + 8 * D * (D + 4), (T,), np.float64)
     tangent = array_at(memory + 8 * (D * (D + 4) + T), (D, 2 * D), np.float64)
-    fraction, n = fractions[n % stages], a[PLACE.first] + n // stages + 1
+    fraction = fractions[n % stages]
+    n = a[PLACE.first] + n // stages + 1
     for l in range(W):
         bit, i = 1 << l, line * W + l
-        beyond, changed, status = signs & bit != 0, (signs >> CHANGED) & bit != 0, OK
+        beyond = signs & bit != 0
+        changed = (signs >> CHANGED) & bit != 0
+        status = OK
         if bad & bit:
             for j in range(D):
                 state[j] = x[line, j, l]
@@ -192,10 +189,12 @@ def pivoting_step(address, line, bad, signs, n):
             for j in range(D):
                 x[line, j, l] = state[j]
         if status != OK:
-            statuses[i], failed_at[i] = status, n
+            statuses[i] = status
+            failed_at[i] = n
             marks[ENDED, line] |= bit
             marks[PASSED, line] |= bit
         elif (beyond or changed) and not marks[PASSED, line] & bit:
             poles[i] = n if beyond else -n
-            statuses[i], failed_at[i] = PASSED_POLE, n
+            statuses[i] = PASSED_POLE
+            failed_at[i] = n
             marks[PASSED, line] |= bit

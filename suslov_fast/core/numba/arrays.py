@@ -79,9 +79,10 @@ def block_of(rows, lanes):
     @lower_builtin(block)
     def emit(context, builder, signature, arguments):
         word, byte, bit = context.get_value_type(types.intp), ir.IntType(8), ir.IntType(1)
+        size = ir.Constant(word, 8 * rows * lanes)
         with builder.goto_entry_block():
             memory = builder.alloca(ir.DoubleType(), rows * lanes)
-        memory.align, size = 8 * LINE, ir.Constant(word, 8 * rows * lanes)
+        memory.align = 8 * LINE
         # Bytes of 63 make doubles of about 5e-4; subnormals in unused lanes would be slow.
         data = builder.bitcast(memory, context.get_value_type(types.voidptr))
         fill = builder.module.declare_intrinsic("llvm.memset", [data.type, word])
@@ -120,14 +121,15 @@ def array_at(typing, address, shape, dtype):
         word, item = context.get_value_type(types.intp), context.get_data_type(result.dtype)
         lengths = zip(cgutils.unpack_tuple(builder, values[1]), shape, strict=True)
         lengths = [context.cast(builder, *pair, types.intp) for pair in lengths]
-        size, strides = ir.Constant(word, context.get_abi_sizeof(item)), []
-        stride, count = size, ir.Constant(word, 1)
+        size, count = ir.Constant(word, context.get_abi_sizeof(item)), ir.Constant(word, 1)
+        strides = []
         for length in reversed(lengths):
-            strides.insert(0, stride)
-            stride, count = builder.mul(stride, length), builder.mul(count, length)
+            strides.insert(0, builder.mul(size, count))
+            count = builder.mul(count, length)
         array = context.make_array(result)(context, builder)
-        array.data, array.itemsize = builder.inttoptr(values[0], item.as_pointer()), size
-        array.nitems, array.shape = count, cgutils.pack_array(builder, lengths)
+        array.data = builder.inttoptr(values[0], item.as_pointer())
+        array.itemsize, array.nitems = size, count
+        array.shape = cgutils.pack_array(builder, lengths)
         array.strides = cgutils.pack_array(builder, strides)
         return array._getvalue()
 
@@ -141,14 +143,15 @@ def pack(typing, arguments):
     A parallel loop calls any kernel by this function of (kernel, data, part, parts): it calls the
     address `kernel` with part, parts and all `arguments`. Both are valid while the caller runs.
     """
-    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
+    result = types.UniTuple(types.int64, 2)
+    word = ir.IntType(64)
 
     def emit(context, builder, signature, values):
-        packed, nothing = uncounted_value(context, builder, arguments, values[0]), types.none
+        packed = uncounted_value(context, builder, arguments, values[0])
         with builder.goto_entry_block():
             memory = builder.alloca(packed.type)
         builder.store(packed, memory)
-        kind = ir.FunctionType(context.get_value_type(nothing), [word] * 4)
+        kind = ir.FunctionType(context.get_value_type(types.none), [word] * 4)
         call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
         call_part.linkage = "internal"
         kernel, data, part, parts = call_part.args

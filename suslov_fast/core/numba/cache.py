@@ -21,7 +21,6 @@ except ImportError:
 _PACKAGE = __package__.partition(".")[0]
 
 
-# --------------------------------------------------------------------------- sources of the package
 @functools.cache
 def _digest():
     package = importlib.resources.files(_PACKAGE)  # a folder, or a part of an archive
@@ -46,7 +45,6 @@ def _delete_stale_files(folder):
             path.unlink(missing_ok=True)
 
 
-# -------------------------------------------------------------------------------------------- files
 @functools.cache
 def _locators():
     """Return the classes that Numba asks for a cache folder; NUMBA_CACHE_DIR is asked first.

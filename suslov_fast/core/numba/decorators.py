@@ -9,10 +9,10 @@ kernel      a function(part, parts, *arguments) that does one of `parts` parts o
 for_users   a formula that users call from Python and from their own compiled loops
 
 Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
-that was compiled. Small calls of kernels of the package run as Python, and steps of whole batches
-by NumPy, with the same bits, until these have taken PATIENCE. With NUMBA_DISABLE_JIT=1 all are
-Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that takes a constant integer is
-compiled for each value, because constants have their own types. A loop over lanes becomes SIMD if
+that was compiled. Until small calls of a kernel have taken WARM_UP seconds, Python or NumPy runs
+them, with the same bits. With NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1
+checks indices. A function that takes a constant integer is compiled for each value, because
+constants have their own types. A loop over lanes becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
@@ -26,7 +26,7 @@ import importlib
 import math
 import os
 import re
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from threading import get_ident
 from time import perf_counter
 from types import FunctionType
@@ -54,12 +54,16 @@ _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}
 
 
-with suppress(ImportError, AttributeError):  # private names of Numba; Windows has no fork
-    # A child forked while another thread compiles would wait for it without end.
-    _lock = importlib.import_module("numba.core.compiler_lock").global_compiler_lock
-    os.register_at_fork(
-        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
-    )
+def free_in_children(lock):
+    """Keep a lock free in children: one forked while a thread has it would wait without end."""
+    if hasattr(os, "register_at_fork"):  # Windows has no fork
+        os.register_at_fork(
+            before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release
+        )
+
+
+with suppress(ImportError, AttributeError):  # a private name of Numba
+    free_in_children(importlib.import_module("numba.core.compiler_lock").global_compiler_lock)
 
 
 # -------------------------------------------------------------------------------------- functions
@@ -118,7 +122,7 @@ def advice_on_numba():
 
 # ------------------------------------------------------------------------- before it is compiled
 # Seconds of calls without compiled code, after which compiling it is worth its time.
-PATIENCE = 1.0
+WARM_UP = 1.0
 # Seconds for a number of a step in NumPy; a NumPy call costs as much as these trajectories.
 _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
@@ -129,7 +133,8 @@ def as_python(py_function, of_arrays=False):
 
     If `of_arrays`, formulas compute with arrays: `select` is `numpy.where`, and `math` is `numpy`.
     """
-    names, code = {}, py_function.__code__
+    names = {}
+    code = py_function.__code__
     twin = FunctionType(
         code, names, code.co_name, py_function.__defaults__, py_function.__closure__
     )
@@ -156,17 +161,17 @@ def _array_at(address, shape, dtype):
 call_code.py_func, array_at.py_func = _call_code, _array_at
 
 
-class Patient:
-    """A function that runs in Python for small calls, as long as it is not compiled."""
+class Tiered:
+    """A function of which Python interprets small calls at first; later it is compiled."""
 
-    seconds = 0.0  # that these calls have taken
+    seconds = 0.0  # that interpreted calls have taken
 
-    def has_patience(self, seconds):
-        """Return True if a call of `seconds` may run in Python: all such calls take < PATIENCE."""
+    def is_warming_up(self, seconds):
+        """Return True if a call of `seconds` may be interpreted: all of them take < WARM_UP."""
         settings = config.DISABLE_JIT or config.BOUNDSCHECK
-        return not settings and self.seconds + seconds < PATIENCE
+        return not settings and self.seconds + seconds < WARM_UP
 
-    def in_python(self, function, *arguments):
+    def interpret(self, function, *arguments):
         """Call a function in Python; add the time it takes to `seconds`."""
         began = perf_counter()
         try:
@@ -190,6 +195,11 @@ class Function:
     def __call__(self, *arguments):
         with np.errstate(all="ignore"):
             return as_python(self.py_func)(*arguments)
+
+    @property
+    def of_arrays(self):
+        """The function for arrays of numbers, in NumPy."""
+        return as_python(self.py_func, of_arrays=True)
 
 
 @typeof_impl.register(Function)
@@ -222,12 +232,12 @@ def calling_python():
         raise error
 
 
-class CFunction(Patient):
+class CFunction(Tiered):
     """A function of integers that machine code calls, compiled when its address is first read."""
 
     def __init__(self, py_func):
-        self.py_func, count = py_func, py_func.__code__.co_argcount
-        self.kinds, self.words = (types.int64,) * count, (ctypes.c_int64,) * (1 + count)
+        self.py_func = py_func
+        self.kinds = (types.int64,) * py_func.__code__.co_argcount
         self.compiled = _cached(numba.njit(**_OPTIONS), py_func)
 
     @cached_property
@@ -244,8 +254,8 @@ class CFunction(Patient):
 
         Machine code that may call Python code is called within `calling_python`.
         """
-        is_slow = not self.is_compiled and self.has_patience(seconds)
-        if config.DISABLE_JIT or (is_slow and not is_kept(self.compiled, self.kinds)):
+        is_small = not self.is_compiled and self.is_warming_up(seconds)
+        if config.DISABLE_JIT or (is_small and not is_kept(self.compiled, self.kinds)):
             return ctypes.cast(self._callback, ctypes.c_void_p).value
         return self._address_of_code
 
@@ -255,12 +265,12 @@ class CFunction(Patient):
 
         def called(*arguments):
             try:
-                return self.in_python(function, *arguments) or 0
+                return self.interpret(function, *arguments) or 0
             except Exception as error:  # ctypes would print and forget it
                 _raised[get_ident()] = error
                 return 0
 
-        return ctypes.CFUNCTYPE(*self.words)(called)
+        return ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * len(self.kinds))(called)
 
     @property
     def is_compiled(self):
@@ -271,11 +281,11 @@ c_function = CFunction  # the decorator
 
 
 # ---------------------------------------------------------------------------------------- kernels
-class Kernel(Patient):
+class Kernel(Tiered):
     """A compiled kernel; its arguments are numbers, arrays and tuples of them."""
 
-    # in_numpy(*arguments) takes the work of a kernel of steps for all trajectories side by side,
-    # with the same bits, and returns True; or False if only the kernel can take it.
+    # in_numpy(*arguments) does the work of a kernel of steps for all trajectories side by side,
+    # with the same bits, and returns True; it returns False if only the kernel can do it.
     in_numpy = None
     is_compiled = False
 
@@ -283,24 +293,23 @@ class Kernel(Patient):
         self.py_func = py_function
         self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
         if config.DISABLE_JIT:
-            self.compiled = lambda *arguments: self.in_python(as_python(py_function), *arguments)
+            self.compiled = lambda *arguments: self.interpret(as_python(py_function), *arguments)
 
     def serial(self, *arguments):
         """Call the kernel for all of the work, in this thread."""
-        with _compiling():
+        with nullcontext() if self.is_compiled else _compiling():
             self.compiled(0, 1, *arguments)
         self.is_compiled = True
-        self.serial = compiled = functools.partial(self.compiled, 0, 1)  # from now on
-        self.briefly = lambda seconds, *arguments: compiled(*arguments)
 
-    def briefly(self, seconds, *arguments):
-        """Call the kernel, as one part, in this thread: in Python, or compiled.
+    def interpreted_or_serial(self, seconds, *arguments):
+        """Call the kernel for all of the work, in this thread: in Python, or compiled.
 
-        `seconds` is an estimate of the time in Python. The call runs in Python if no code is in the
-        cache, and all such calls of this kernel take less than PATIENCE together.
+        `seconds` is about how long Python takes. It takes the call if nothing is compiled, also in
+        the cache, and if all such calls of this kernel take less than WARM_UP together.
         """
-        if self.has_patience(seconds) and not self._is_kept(arguments):
-            self.in_python(as_python(self.py_func), 0, 1, *arguments)
+        is_small = not self.is_compiled and self.is_warming_up(seconds)
+        if is_small and not self._is_kept(arguments):
+            self.interpret(as_python(self.py_func), 0, 1, *arguments)
         else:
             self.serial(*arguments)
 
@@ -311,10 +320,10 @@ class Kernel(Patient):
         _, x0, span, _ = arguments
         trajectories, states = span.end - span.begin, span.stop - span.start
         numbers = x0.shape[1] * (trajectories + _CALL_IN_NUMPY) * (states + 2)
-        if not self.has_patience(_IN_NUMPY * numbers) or self._is_kept(arguments):
+        if not self.is_warming_up(_IN_NUMPY * numbers) or self._is_kept(arguments):
             return False
         with suppress(MemoryError):  # the kernel needs less memory
-            return self.in_python(self.in_numpy, *arguments)
+            return self.interpret(self.in_numpy, *arguments)
         return False
 
     def _is_kept(self, arguments):
@@ -396,8 +405,12 @@ def _address(dispatcher, kinds):
 
 
 # ------------------------------------------------------------------------------------- in kernels
+# Typed, because Numba compiles a function for each literal, and types one twice if a sum begins so.
+ZERO = np.int64(0)
+
+
 def of_kind(name):
-    """Return f for compiled code; f(x, *others) is type(x).<name>(x, *others), x a named tuple."""
+    """Return a function for compiled code that calls type(x).<name>(x, *others) of a tuple x."""
 
     def call(first, *others):
         return getattr(type(first), name)(first, *others)
@@ -414,22 +427,3 @@ def of_kind(name):
 def share(count, part, parts):
     """Return begin and end of the items of part `part`; `parts` parts share `count` items."""
     return count * part // parts, count * (part + 1) // parts
-
-
-# ------------------------------------------------------------------- rows of parameters and outputs
-# Outputs of this many numbers are written past the caches, 2.1 times as fast. Smaller ones stay in
-# the caches, where they are read again.
-STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
-
-
-@formula
-def pick(parameter, i):
-    """Return the parameter of trajectory i, from an array (B,) or (1,)."""
-    return parameter[i if i < parameter.size else 0]
-
-
-@formula
-def are_common(parameters):
-    """Return True if all `parameters` are arrays of one number: one body and step size for all."""
-    I1, I2, I13, I23, k, eps = parameters
-    return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1

@@ -14,14 +14,13 @@ import math
 import numpy as np
 
 from ..expressions.symbolic_elimination import LEAST_PIVOT
-from .decorators import formula, function, inlined
+from .decorators import ZERO, formula, function, inlined
 from .intrinsics import lesser, select
 from .status_codes import NONFINITE, OK, SINGULAR
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
-# and 1 for lanes that need `solve`, else 0.
+# and 1.0 for lanes that need `solve`, else 0.0.
 LEAST, LARGEST, TO_SOLVE = range(3)
-NONE = np.int64(0)  # typed, because Numba types a function twice if a sum begins with a literal
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
 ROUNDS = 20  # at most, in `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
 
@@ -47,11 +46,10 @@ def keeps_digits(b, l):
 
 @function
 def eliminate(a, b, lanes):
-    """Solve the systems `a` (m, columns, lanes) of all lanes without row exchanges.
+    """Solve the systems `a` (m, columns, lanes) of all lanes in place, without row exchanges.
 
-    `a` has the m columns of A, then right sides, which solutions replace. U replaces A above the
-    diagonal, inverse pivots on it, unit lower L below it. b[LEAST] gets the least modulus of a
-    pivot, b[LARGEST] the largest that the diagonal had. Pairs of pivots halve loads.
+    Solutions replace right sides. U replaces A above the diagonal, inverse pivots on it, and the
+    unit lower L below it. b[LEAST] and b[LARGEST] become moduli. Pairs of pivots halve loads.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
@@ -90,25 +88,6 @@ def eliminate(a, b, lanes):
                 a[i, r, l] *= a[i, i, l]
 
 
-@formula
-def accept(a, x, b, lanes):
-    """Replace states x by solutions that keep their digits; return how many lanes need `solve`.
-
-    `a` (m, m + 1, lanes) has solutions in its last column, and `b` moduli of pivots, from
-    `eliminate`. On entry b[TO_SOLVE] is >= m, or NaN, in lanes with unusable solutions. On return
-    it is 1 in lanes that need `solve`, else 0.
-    """
-    m, to_solve = len(a), NONE
-    for l in range(lanes):
-        good = (b[TO_SOLVE, l] < m) & keeps_digits(b, l) | np.isnan(x[0, l])
-        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
-        to_solve += ~good
-    for i in range(m):
-        for l in range(lanes):
-            x[i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], x[i, l])
-    return to_solve
-
-
 @inlined
 def memory_of_one(m):
     """Return arrays `a` and `units` for `solve`: for m unknowns and one right side."""
@@ -117,14 +96,15 @@ def memory_of_one(m):
 
 @function
 def solve(a, units):
-    """Solve one system (m, columns) by scaling and partial pivoting; return its status.
+    """Solve one system (m, columns) in place, by scaling and partial pivoting; return its status.
 
-    `a` has the m columns of A, then right sides. Solutions replace right sides, and pivots of the
-    scaled rows replace the diagonal. A pivot that is 0 to rounding becomes NaN (SINGULAR); numbers
-    that are not finite give NONFINITE. `units` (2, m) receives units of the unknowns, and factors
-    of rows. det A is the product of pivot k / units[1, k].
+    Solutions replace right sides, and pivots of the scaled rows replace the diagonal. A pivot that
+    is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite give NONFINITE. `units`
+    (2, m) receives units of the unknowns, and factors of rows. det A is the product of
+    pivot k / units[1, k].
     """
-    weights, undefined, size = units[1], 0.0, 0.0
+    weights = units[1]
+    undefined, size = 0.0, 0.0
     m, columns = a.shape
     balance(a, units[0])
     for i in range(m):
@@ -178,7 +158,7 @@ def balance(a, units):
     for i in range(m):
         units[i] = 1.0
     for _ in range(ROUNDS):
-        changes = NONE
+        changes = ZERO
         for i in range(m):
             of_row, of_column = 0.0, 0.0
             for j in range(m):

@@ -23,7 +23,6 @@ LINE = 8  # numbers of a cache line
 _NUMBER, _VECTOR = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LINE)
 
 
-# ------------------------------------------------------------------------------------------- calls
 def emit_call(builder, address, result, values):
     """Emit a call of the function at an address with `values`; return its value, a `result`."""
     kind = ir.FunctionType(result, [value.type for value in values])
@@ -98,7 +97,6 @@ def with_item(typing, named, place, value):
     return named(named, place, value), emit
 
 
-# ------------------------------------------------------------------------------------------ stores
 def stream_pairs(target, i, b, row, l):
     """Interleave b[row, l : l + LINE] and b[row + 1, l : l + LINE] into target from index i on.
 
@@ -146,7 +144,6 @@ def _stream_pairs(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-# ----------------------------------------------------------------------------------------- choices
 def select(condition, first, second):
     """Return `first` if the condition is true, else `second`; compute both, without a branch."""
     return first if condition else second

@@ -1,7 +1,45 @@
-"""Copies of states from blocks of lanes to arrays, by whole cache lines if possible."""
+"""Blocks b[row, lane] of 128 trajectories: their parameters, and copies of states to arrays.
 
-from ..numba.decorators import STREAM_FROM, formula, function
+States of large arrays are written by whole cache lines, if possible.
+"""
+
+import numpy as np
+from numba import config
+
+from ..numba.decorators import ZERO, formula, function
 from ..numba.intrinsics import LINE, lesser, stream_pairs
+
+# Outputs of this many numbers are written past the caches, 2.1 times as fast. Smaller ones stay in
+# the caches, where they are read again.
+STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
+
+
+@formula
+def are_common(parameters):
+    """Return True if all `parameters` are arrays of one number: one body and step size for all."""
+    I1, I2, I13, I23, k, eps = parameters
+    return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1
+
+
+@formula
+def fill_parameters(b, l, row, parameters, i):
+    """Write the parameters of trajectory i to lane l of a block `b`, to six rows from `row` on.
+
+    `parameters` are I1, I2, I13, I23, k and eps, arrays (B,), or (1,) for all trajectories.
+    """
+    I1, I2, I13, I23, k, eps = parameters
+    b[row, l] = pick(I1, i)
+    b[row + 1, l] = pick(I2, i)
+    b[row + 2, l] = pick(I13, i)
+    b[row + 3, l] = pick(I23, i)
+    b[row + 4, l] = pick(k, i)
+    b[row + 5, l] = pick(eps, i)
+
+
+@formula
+def pick(parameter, i):
+    """Return the parameter of trajectory i, from an array (B,) or (1,)."""
+    return parameter[i if i < parameter.size else 0]
 
 
 @formula
@@ -27,7 +65,7 @@ def alignment(out, begin, batch, lanes):
 @formula
 def store_rows(b, row, flat, place, count):
     """Interleave b[row, :count] and b[row + 1, :count] into flat[place : place + 2 * count]."""
-    for l in range(count):
+    for l in range(count):  # SIMD, because both numbers are read before one is written
         flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
 
 
@@ -46,9 +84,9 @@ def write_pairs(b, row, flat, place, count, lead, after, before):
         store_rows(b, row, flat, place, count)
         return
     head = lesser(ahead // 2, count)  # pairs ahead of the first cache line
-    for l in range(0 if after else head):
-        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
-    lines, most = (count - head) // LINE, b.shape[1] // LINE - 1
+    store_rows(b, row, flat, place, ZERO if after else head)
+    lines = (count - head) // LINE
+    most = b.shape[1] // LINE - 1
     written = 0
     if lines >= most:  # a loop of constant length takes three quarters of the time
         for j in range(most):

@@ -50,11 +50,11 @@ import math
 import numpy as np
 
 from ..numba.arrays import array_at, block_of, uncounted
-from ..numba.decorators import are_common, formula, kernel, pick, share
+from ..numba.decorators import ZERO, formula, kernel, share
 from ..numba.intrinsics import lesser, select
-from .blocks import store_rows
+from .blocks import are_common, fill_parameters, store_rows
 from .map_3d import RANGE, ZERO_TO_ROUNDING, one_step
-from .steps import FIRST, LANES, NO
+from .steps import LANES, NO
 
 # TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all numbers that
 # vanish with it keep their ratios, and state 1 and the decay to the steady state are right.
@@ -66,15 +66,18 @@ FAINT = 1e-140  # ell / nu below this, next to a steady state, has a subnormal s
 VANISHES = -350.0  # exp(t) is 0 if t is below this, because its square would be subnormal
 ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no unit
 
-# Rows of a block: the body, eps and state 0; the coefficients from B1 on for n >= 0, and from
-# B1 + BACK on for n < 0, if eps > 0; the orbit. MISSING has the sign of those n whose states are
-# unknown. States, momenta and inverse times are in the unit UNIT. The last rows are e > 0,
-# sqrt(I1 I2), I13 / I1, I23 / I2, I13 / ROOT_A, I23 / ROOT_A, 1 / |g|**2, ROOT_A / I1, ROOT_A / I2.
-I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
-B1, B2, C1, C2, D12, D22, BACK = *range(8, 14), 6
-PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(20, 31)
-E_, ROOT_A, G1, G2, H1, H2, PER_G, TURN1, TURN2 = range(31, 40)
-ROWS, STATE = 40, np.int64(OUT1)
+# Rows of a block. States, momenta and inverse times are in the unit UNIT.
+I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)  # the body, eps and state 0
+B1, B2, C1, C2, D12, D22 = range(8, 14)  # coefficients for n >= 0, if eps > 0
+BACK = 6  # from these rows to the coefficients for n < 0
+PASSES, ROOT, R, RATE = range(20, 24)  # the orbit, see `fill_orbit`
+MISSING = 24  # the sign of those n for which the state is unknown
+TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(25, 31)
+E_, ROOT_A, G1, G2 = range(31, 35)  # e > 0, sqrt(I1 I2), I13 / I1 and I23 / I2
+H1, H2, PER_G = range(35, 38)  # I13 / ROOT_A, I23 / ROOT_A and 1 / |g|**2
+TURN1, TURN2 = range(38, 40)  # ROOT_A / I1 and ROOT_A / I2
+ROWS = 40
+STATE, BODY = np.int64(OUT1), np.int64(I1_)  # typed, as ZERO
 new_block = block_of(ROWS, int(LANES))
 
 
@@ -89,7 +92,7 @@ def is_ordinary(w1, w2):
 def unit_of(w1, w2, k):
     """Return a power of two about as large as a state: in this unit its square is in range.
 
-    If k is divided by the unit, and eps multiplied, the orbit of omega / unit is the orbit / unit.
+    The orbit in this unit is that of omega / unit, k / unit and eps * unit.
     """
     _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
     least = select(k == 0.0, -800, 0)  # in a smaller unit k**2 may be out of range
@@ -106,16 +109,14 @@ def nonzero(v):
 @formula
 def constants_of(I1, I2, I13, I23):
     """Return a = sqrt(I1 I2), g1 = I13 / I1, g2 = I23 / I2, I13 / a, I23 / a and 1 / |g|**2."""
-    root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
+    root_a = np.sqrt(I1 * I2)
+    g1, g2 = I13 / I1, I23 / I2
     return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
 
 
 @formula
 def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
-    """Return ell = x + k, x = I13 w1 + I23 w2, and nu = root_a (g2 w1 - g1 w2) of a state (w1, w2).
-
-    root_a, g1 and g2 are sqrt(I1 I2), I13 / I1 and I23 / I2, from `constants_of`.
-    """
+    """Return ell, x and nu of a state (w1, w2); root_a, g1 and g2 are from `constants_of`."""
     x = I13 * w1 + I23 * w2
     return x + k, x, root_a * (g2 * w1 - g1 * w2)
 
@@ -130,9 +131,7 @@ def steady(g1, g2, h1, h2, x, nu):
 def difference_of_squares(ell, x, nu, k, X, K):
     """Return A**2 - k**2, positive if orbits go from one steady state to another.
 
-    A**2 = (x**2 + nu**2) / (1 + X**2) is conserved. For a state (w1, w2), x = I13 w1 + I23 w2,
-    ell = x + k and nu = (I23 I1 w1 - I13 I2 w2) / sqrt(I1 I2). X = e ell and K = e k, where
-    e = eps / (2 sqrt(I1 I2)), but 0 for the flow.
+    X and K are e ell and e k for the map, 0 for the flow.
     """
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
@@ -146,9 +145,9 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
     d12 = 2 half_d12 and d22 = d22_passes. Otherwise d22 = d22_turns.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
-    k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
+    k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]
-    ell, _, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, g1, g2, w1, w2)
+    ell, _, nu = coordinates(b[I13_, l], b[I23_, l], k, b[ROOT_A, l], g1, g2, w1, w2)
     # The real and imaginary parts of conj(g) b and conj(g) c.
     b_x = select(passes, 2.0 * (root * ell - k * half_d12), 2.0 * ahead * k * nu)
     b_nu = -ahead * select(passes, d22_passes, 2.0 * (d22_turns - k * ell))
@@ -161,7 +160,8 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
     i2 = 2.0 * ahead * ((k * b[TURN2, l]) * w1 + R2 * h1)
     back1, back2 = steady(g1, g2, h1, h2, R2 * (ell + k), -(R2 * nu))
     by_g = passes | (2.0 * abs(ell) < abs(k))
-    b[row, l], b[row + 1, l] = select(by_g, b1 * per_g, i1), select(by_g, b2 * per_g, i2)
+    b[row, l] = select(by_g, b1 * per_g, i1)
+    b[row + 1, l] = select(by_g, b2 * per_g, i2)
     b[row + 2, l] = select(by_g, c1 * per_g, -(k * k * w1) - back1)
     b[row + 3, l] = select(by_g, c2 * per_g, -(k * k * w2) - back2)
     b[row + 4, l] = select(passes, 2.0 * half_d12, -2.0 * ahead * nu)
@@ -177,8 +177,8 @@ def fill_orbit(b, l, is_map):
     L = e ROOT, for `rate`; MISSING, the sign of TIMEs without a state. `is_map` is 0 or 1.
     """
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
-    root_a, e = b[ROOT_A, l], b[E_, l]
-    ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
+    g1, g2, e = b[G1, l], b[G2, l], b[E_, l]
+    ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, b[ROOT_A, l], g1, g2, w1, w2)
     e_map = is_map * e
     X, Y, K = e_map * ell, e_map * nu, e_map * k
     inverse = 1.0 / (1.0 + X * X)
@@ -186,7 +186,8 @@ def fill_orbit(b, l, is_map):
     passes = square > NO_SQUARE
     root = np.sqrt(select(passes, square, select(square < -NO_SQUARE, -square, NO_SQUARE)))
 
-    one_minus_Y, one_plus_Y = nonzero(1.0 - Y), nonzero(1.0 + Y)
+    one_minus_Y = nonzero(1.0 - Y)
+    one_plus_Y = nonzero(1.0 + Y)
     one_minus_L2 = (nonzero(one_minus_Y + K * X) * nonzero(one_plus_Y + K * X)) * inverse
     per_one_plus_L = 1.0 / (1.0 + e_map * root)
     b[R, l] = select(is_map > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
@@ -198,18 +199,23 @@ def fill_orbit(b, l, is_map):
     # Next to |k| = A the terms of the identity cancel, and root - |nu| is exact.
     cancel = abs(by_x) + abs(by_k) > total * total
     difference = select(cancel, root - abs(nu), (by_x - by_k) / total)
-    middle, product = root * root + k * ell, root * abs(nu)
+    middle = root * root + k * ell
+    product = root * abs(nu)
     larger = middle + select(middle < 0.0, -product, product)
     smaller = ell * (ell / larger) * ((x * x + nu * nu) * inverse * one_minus_L2)
-    plus, minus = select(middle < 0.0, smaller, larger), select(middle < 0.0, larger, smaller)
+    plus = select(middle < 0.0, smaller, larger)
+    minus = select(middle < 0.0, larger, smaller)
     # 2 k ell + A**2 - k**2, by the formula with the smaller terms.
     by_squares = (nu * nu + (ell * ell) * (1.0 + K * (2.0 * X - K))) * inverse
     size = (nu * nu + (ell * ell) * (1.0 + K * K + 2.0 * abs(K * X))) * inverse
     d22_turns = select(size < abs(2.0 * k * ell), by_squares, 2.0 * k * ell + square)
-    R2, negative = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * inverse, nu < 0.0
-    half_d12, d22_passes = select(negative, total, difference), 2.0 * select(negative, plus, minus)
+    R2 = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * inverse
+    negative = nu < 0.0
+    half_d12 = select(negative, total, difference)
+    d22_passes = 2.0 * select(negative, plus, minus)
     fill_coefficients(b, l, 1.0, passes, root, half_d12, d22_passes, d22_turns, R2, square)
-    half_d12, d22_passes = select(negative, difference, total), 2.0 * select(negative, minus, plus)
+    half_d12 = select(negative, difference, total)
+    d22_passes = 2.0 * select(negative, minus, plus)
     fill_coefficients(b, l, -1.0, passes, root, half_d12, d22_passes, d22_turns, R2, square)
 
     fixed = ell == 0.0
@@ -217,7 +223,8 @@ def fill_orbit(b, l, is_map):
     undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if ell = 0
     missing = select(fixed, undefined, abs(ell) < FAINT * abs(nu))
     b[PASSES, l] = select(fixed, 0.0, select(passes, 1.0, 0.0))
-    b[ROOT, l], b[RATE, l] = select(in_range, root, np.nan), select(fixed, 0.0, e * root)
+    b[ROOT, l] = select(in_range, root, np.nan)
+    b[RATE, l] = select(fixed, 0.0, e * root)
     b[MISSING, l] = select(missing, select(negative, -1.0, 1.0), 0.0)
 
 
@@ -271,16 +278,20 @@ def pair(n, passes, root, r, rate):
 def state(b, l):
     """Return the state of lane l of a block `b` from its rows RHO and SIGMA; NaN after a pole."""
     ahead, rho, sigma = b[TIME, l] >= 0.0, b[RHO, l], b[SIGMA, l]
-    rho2, rho_sigma, sigma2 = rho * rho, rho * sigma, sigma * sigma
+    rho2 = rho * rho
+    rho_sigma = rho * sigma
+    sigma2 = sigma * sigma
     d12 = select(ahead, b[D12, l], b[D12 + BACK, l]) * rho_sigma
     d22 = select(ahead, b[D22, l], b[D22 + BACK, l]) * sigma2
-    d, size = (rho2 + d22) + d12, (rho2 + abs(d22)) + abs(d12)
+    d = (rho2 + d22) + d12
+    size = (rho2 + abs(d22)) + abs(d12)
     inverse = 1.0 / select(abs(d) > ZERO_TO_ROUNDING * size, d, np.nan)
     c1 = select(ahead, b[C1, l], b[C1 + BACK, l]) * sigma2
     c2 = select(ahead, b[C2, l], b[C2 + BACK, l]) * sigma2
     b1 = select(ahead, b[B1, l], b[B1 + BACK, l]) * rho_sigma
     b2 = select(ahead, b[B2, l], b[B2 + BACK, l]) * rho_sigma
-    w1, w2 = (b[W1, l] * rho2 + c1) + b1, (b[W2, l] * rho2 + c2) + b2
+    w1 = (b[W1, l] * rho2 + c1) + b1
+    w2 = (b[W2, l] * rho2 + c2) + b2
     return (w1 * inverse) * b[UNIT, l], (w2 * inverse) * b[UNIT, l]
 
 
@@ -316,15 +327,16 @@ def fill_bodies(b, first, width, lanes, parameters, is_map):
     """
     i = first
     for l in range(lanes):
-        b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
-        b[I13_, l], b[I23_, l] = pick(parameters[2], i), pick(parameters[3], i)
-        b[K_, l], b[EPS, l] = pick(parameters[4], i), pick(parameters[5], i)
+        fill_parameters(b, l, BODY, parameters, i)
         i = i + 1 if i + 1 < first + width else first
     for l in range(LANES):
         I1, I2 = b[I1_, l], b[I2_, l]
-        root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, b[I13_, l], b[I23_, l])
-        b[ROOT_A, l], b[G1, l], b[G2, l], b[H1, l], b[H2, l] = root_a, g1, g2, h1, h2
-        b[PER_G, l], b[TURN1, l], b[TURN2, l] = per_g, root_a / I1, root_a / I2
+        root_a, b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l] = constants_of(
+            I1, I2, b[I13_, l], b[I23_, l]
+        )
+        b[ROOT_A, l] = root_a
+        b[TURN1, l] = root_a / I1
+        b[TURN2, l] = root_a / I2
         b[E_, l] = 0.5 * select(is_map > 0.0, abs(b[EPS, l]), 1.0) / root_a
         b[UNIT, l] = 1.0
 
@@ -336,8 +348,11 @@ def rescale(b, lanes, is_map):
         if not is_ordinary(b[W1, l], b[W2, l]):
             unit = unit_of(b[W1, l], b[W2, l], b[K_, l])
             inverse = 1.0 / unit
-            b[UNIT, l], b[K_, l], b[EPS, l] = unit, b[K_, l] * inverse, b[EPS, l] * unit
-            b[W1, l], b[W2, l] = b[W1, l] * inverse, b[W2, l] * inverse
+            b[UNIT, l] = unit
+            b[K_, l] *= inverse
+            b[EPS, l] *= unit
+            b[W1, l] *= inverse
+            b[W2, l] *= inverse
             if is_map > 0.0:
                 b[E_, l] = 0.5 * abs(b[EPS, l]) / b[ROOT_A, l]
 
@@ -353,7 +368,7 @@ def start_orbits(b, first, width, used, omega0, is_map):
     for l in range(used):
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
         i = i + 1 if i + 1 < first + width else first
-    extreme = FIRST
+    extreme = ZERO
     for l in range(LANES):
         extreme += ~is_ordinary(b[W1, l], b[W2, l])
     if extreme > 0:
@@ -382,14 +397,18 @@ def states(part, parts, parameters, omega0, is_map, n, out, reasons):
     target = array_at(out.ctypes.data, (out.size,), np.float64)
     B, N, b = len(omega0), len(n), new_block()
     # A block computes few trajectories at several values of n, so that all lanes are used.
-    abreast, started = LANES // B if 0 < B < LANES else 1, FIRST - 1
-    blocks, rows = (B + LANES - 1) // LANES, (N + abreast - 1) // abreast
+    abreast = LANES // B if 0 < B < LANES else 1
+    blocks = (B + LANES - 1) // LANES
+    rows = (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
-    common, filled = are_common(parameters), NO
+    common = are_common(parameters)
+    started, filled = ZERO - 1, NO  # the block of the orbits, and whether bodies are filled
     for task in range(begin, end):
-        block, row = task // rows, task % rows * abreast
+        block = task // rows
+        row = task % rows * abreast
         first = block * LANES
-        width, count = lesser(LANES, B - first), lesser(abreast, N - row)
+        width = lesser(LANES, B - first)
+        count = lesser(abreast, N - row)
         used = width * count
         if block != started:
             if not filled:
@@ -405,11 +424,11 @@ def states(part, parts, parameters, omega0, is_map, n, out, reasons):
                 b[RHO, l], b[SIGMA, l] = pair(steps, b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
                 if b[TIME, l] * b[MISSING, l] > 0.0:
                     b[RHO, l] = np.nan
-        special = FIRST
+        special = ZERO
         for l in range(LANES):
-            w1, w2 = state(b, l)
-            b[OUT1, l], b[OUT2, l] = w1, w2
-            usual = (abs(w1) + abs(w2) < np.inf) & (abs(b[TIME, l]) != 1.0)
+            b[OUT1, l], b[OUT2, l] = state(b, l)
+            exists = abs(b[OUT1, l]) + abs(b[OUT2, l]) < np.inf
+            usual = exists & (abs(b[TIME, l]) != 1.0)
             special += ~usual
         for l in range(used if special > 0 else 0):
             if is_map > 0.0 and abs(b[TIME, l]) == 1.0:

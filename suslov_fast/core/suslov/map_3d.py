@@ -41,6 +41,7 @@ class Frame(NamedTuple):
     u = m1 X + m2 Y and v = m2 X - m1 Y.
     """
 
+    e: float  # eps / (2 sqrt(I1 I2))
     K: float
     a1: float
     a2: float
@@ -51,31 +52,35 @@ class Frame(NamedTuple):
 
 @formula
 def frame_of(I1, I2, I13, I23, k, eps):
-    """Return the `Frame` of a body and eps, and e = eps / (2 sqrt(I1 I2))."""
+    """Return the `Frame` of a body and eps."""
     root_a = np.sqrt(I1 * I2)
-    e, back = 0.5 * eps / root_a, root_a / I2
+    back = root_a / I2
+    e = 0.5 * eps / root_a
+    a1 = e * I13
+    a2 = e * (I23 * back)
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))  # not finite if e g = 0
-    a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / root_a) * per_g
-    return Frame(e * k, a1, a2, back, m1, m2), e
+    m1 = (I13 / I1) * per_g
+    m2 = (I23 / root_a) * per_g
+    return Frame(e, e * k, a1, a2, back, m1, m2)
 
 
 @formula
-def XY_in_frame(frame, e, I13, I23, k, w1, w2):
-    """Return X = e (I13 w1 + I23 w2 + k) and Y of a state (w1, w2); `frame`, e: see `frame_of`."""
-    return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
+def XY_in_frame(frame, I13, I23, k, w1, w2):
+    """Return X = e (I13 w1 + I23 w2 + k) and Y of a state (w1, w2), by the `Frame` of the body."""
+    return frame.e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
 
 
 @formula
 def is_supercritical(frame, X, Y):
-    """Return True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2) with K of `frame`."""
+    """Return True if |T| >= 1; T**2 = ((X - K)**2 + Y**2) / (1 + X**2), with the K of `frame`."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
 
 
 @formula
 def loses_digits(frame, X, Y):
     """Return True if X, Y or K of a moving gyrostat is so large that the next step loses digits."""
-    far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
-    return far & (frame.K != 0.0) & (X != 0.0)
+    is_large = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
+    return is_large & (frame.K != 0.0) & (X != 0.0)
 
 
 @formula
@@ -101,14 +106,16 @@ def leave_plain(frame, X, Y):
 
 @formula
 def turn(X, Y, K):
-    """Return `along`, `across`, `ratio` (NaN if there is no next state), and 1 at a pole, else 0.
+    """Return numbers `along`, `across` and `ratio`, and 1.0 if the state is a pole, else 0.0.
 
-    They give the next state z_next = along z + across i z and X_next = ratio X. Here
-    z = sqrt(I1) w1 + i sqrt(I2) w2; X and Y are the variables of a `Frame`, and K is its constant.
+    The next state is z_next = along z + across i z, with X_next = ratio X. All three are NaN if it
+    does not exist.
     """
-    KX, square = K * X, X * (2.0 * X)
+    KX = K * X
+    square = X * (2.0 * X)
     linear = (1.0 - Y) - KX
-    D, least = linear + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    D = linear + square
+    least = ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     inverse = 1.0 / select(abs(D) > least, D, np.nan)
     part = square * inverse  # if X = 0, 1 - part is 1, where linear (1 / D) may be 1 - ulp / 2
     along = select(abs(part) < 0.5, 1.0 - part, linear * inverse)
@@ -117,7 +124,7 @@ def turn(X, Y, K):
 
 @formula
 def general_step(frame, X, u, v):
-    """Return X, u = w1, v = w2 / frame.back after a step of any orbit, and 1 at a pole, else 0."""
+    """Return the next X, u and v of any orbit, and 1.0 if the state is a pole, else 0.0."""
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
@@ -129,7 +136,8 @@ def general_step(frame, X, u, v):
 def length(u, v):
     """Return sqrt(u**2 + v**2), also if the squares are out of range."""
     size = abs(u) + abs(v)
-    small, large = size < LEAST, size > LARGEST
+    small = size < LEAST
+    large = size > LARGEST
     unit = select(small, LEAST * LEAST, select(large, LARGEST * LARGEST, 1.0))
     inverse = select(small, LARGEST * LARGEST, select(large, LEAST * LEAST, 1.0))
     u, v = u * inverse, v * inverse
@@ -138,8 +146,12 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """Return a better X, and u, v rescaled to length R sqrt(1 + X**2), because R is conserved."""
-    Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
+    """Return X, u and v on the level of the conserved R: (u, v) has the length R sqrt(1 + X**2).
+
+    X is first computed from u and v if it then has more digits.
+    """
+    Y = frame.a2 * u - frame.a1 * v
+    direct = (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
     factor = R * np.sqrt(1.0 + X * X) / length(u, v)
     factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)  # a steady state stays
@@ -162,14 +174,8 @@ def is_fixed(X, Y):
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     """Return the next state (w1, w2), bitwise as `steps` computes it; NaN if there is none."""
-    frame, e = frame_of(I1, I2, I13, I23, k, eps)
-    return step_in_frame(frame, e, I13, I23, k, w1, w2)
-
-
-@formula
-def step_in_frame(frame, e, I13, I23, k, w1, w2):
-    """Return the state after (w1, w2), NaN if there is none; `frame` and e are from `frame_of`."""
-    X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
+    frame = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = XY_in_frame(frame, I13, I23, k, w1, w2)
     if is_plain(frame, X, Y):
         next1, next2 = leave_plain(frame, *plain_step(X, Y))
     elif is_fixed(X, Y):
@@ -196,13 +202,13 @@ class BodySystem(NamedTuple):
 
 @function
 def no_memory(system):
-    """Return an empty array: every system has a memory, but steps in three dimensions need none."""
+    """Return an empty array: steps in three dimensions need no memory."""
     return np.empty(0)
 
 
 @function
 def step_of_one(system, x, out, memory):
-    """Write the state after x of a `BodySystem` to `out`; return its status. `memory` is unused."""
+    """Write the state after x of a `BodySystem` to `out`; return its status."""
     s = system
     w1, w2 = one_step(s.I1, s.I2, s.I13, s.I23, s.k, s.eps, x[0], x[1])
     status = OK

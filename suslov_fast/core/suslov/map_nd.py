@@ -26,7 +26,8 @@ carry        (1, B), the first state beyond a step from det A < 0, 0 if there is
 
 A block of lanes is two arrays: c[J_, I_, W or INVERSE, component, lane], and b[row, lane] with
 numbers of lanes. The number of components in c is even; if m is odd, the last has J = inf and
-I = w = 0. After a failure the state and eps of a lane are NaN, so that it needs no elimination.
+I = w = 0. After a failure the state and eps of a lane are NaN, so that it needs no elimination. In
+NumPy a block has a single lane, in which each number is an array of all trajectories.
 """
 
 from typing import Any, NamedTuple
@@ -34,18 +35,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..numba.arrays import keep, uncounted
-from ..numba.decorators import as_python, formula, function, inlined, kernel, share
-from ..numba.gauss import NONE, TO_SOLVE, accept, eliminate, memory_of_one, solve
+from ..numba.decorators import ZERO, as_python, formula, function, inlined, kernel, share
+from ..numba.gauss import TO_SOLVE, eliminate, keeps_digits, memory_of_one, solve
 from ..numba.intrinsics import lesser, select
 from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
 from .blocks import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
-# Rows after those of `elimination`: p, |w|**2 and h p; alpha, beta and gamma; the factors of w / d
-# and I / d in delta; eps; a bound of h p below which no d is small; for a row of A, 2 h I_i / J_i,
-# h w_i / J_i and p - I_i w_i; and a number with the sign of det A.
-(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
-EPS, NEAR, ROW_W, ROW_I, OTHERS, DET, ROWS = range(OF_I + 1, OF_I + 8)
+# Rows of b after the rows of `gauss.eliminate`:
+P, SQUARE, HALF = range(TO_SOLVE + 1, TO_SOLVE + 4)  # p, |w|**2 and h p
+ALPHA, BETA, GAMMA = range(HALF + 1, HALF + 4)
+OF_W, OF_I = range(GAMMA + 1, GAMMA + 3)  # the factors of w / d and I / d in delta
+EPS, NEAR = range(OF_I + 1, OF_I + 3)  # eps, and a bound of h p below which no d is small
+ROW_W, ROW_I, OTHERS = range(NEAR + 1, NEAR + 4)  # 2 h I_i / J_i, h w_i / J_i and p - I_i w_i
+DET = OTHERS + 1  # a number with the sign of det A
+ROWS = DET + 1
 LANES = 64  # enough that a sum over components does not wait for the store of the one before
 # A step in O(n) keeps its digits if |d_i| / J_i > FAR_FROM_0, the determinant of the two equations
 # is above LEAST_DET times the sum of the moduli of its terms, and w.w_next > LEAST_COSINE |w|**2.
@@ -53,28 +57,33 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 
 @formula
-def sum_terms(J, I, w, half):
-    """Return 1 / d, I w / d, I**2 / d and w**2 / d, where d = J - half and half = (eps / 2) I.w."""
-    inverse = 1.0 / (J - half)
+def terms_at(c, b, i, l):
+    """Return 1 / d, I w / d, I**2 / d and w**2 / d of component i in lane l."""
+    I, w = c[I_, i, l], c[W, i, l]
+    inverse = 1.0 / (c[J_, i, l] - b[HALF, l])
     along = I * inverse
     return inverse, along * w, along * I, w * inverse * w
 
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Solve the two equations for I.delta and w.delta (see the top) by Cramer's rule.
+    """Solve the two equations for I.delta and w.delta by Cramer's rule.
 
-    The increment of a step is delta_i = (u w_i + v I_i) / d_i. Return u and v, True if they are
-    accurate, and the determinant. p is I.w, `square` |w|**2, and alpha, beta and gamma are sums of
-    I w / d, I**2 / d and w**2 / d.
+    Return u and v of the increment delta_i = (u w_i + v I_i) / d_i, True if they are accurate, and
+    the determinant. The arguments are numbers of the module's docstring; `square` is |w|**2.
     """
     h = 0.5 * eps
-    a11, a12, b1 = 1.0 - h * alpha, eps * beta, eps * (p * alpha - square * beta)
-    a21, a22, b2 = -h * gamma, 1.0 + eps * alpha, eps * (p * gamma - square * alpha)
+    a11 = 1.0 - h * alpha
+    a12 = eps * beta
+    a21 = -h * gamma
+    a22 = 1.0 + eps * alpha
+    b1 = eps * (p * alpha - square * beta)
+    b2 = eps * (p * gamma - square * alpha)
     det = a11 * a22 - a12 * a21
     size = (1.0 + abs(h * alpha)) * (1.0 + abs(eps * alpha)) + abs(a12 * a21)
     inverse = 1.0 / det
-    I_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
+    I_delta = (a22 * b1 - a12 * b2) * inverse
+    w_delta = (a11 * b2 - a21 * b1) * inverse
     accurate = (abs(det) > LEAST_DET * size) & (square + w_delta >= LEAST_COSINE * square)
     return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate | np.isnan(eps), det
 
@@ -100,30 +109,25 @@ def fill_systems(c, b, a, begin, lanes):
 
 @formula
 def compute_factors(c, b, lanes):
-    """Prepare the increments of states of a block (c, b); return how many lanes need elimination.
+    """Prepare the increments (b[OF_W] w_i + b[OF_I] I_i) / d_i; c[INVERSE] becomes 1 / d.
 
-    The increment of w_i is (b[OF_W] w_i + b[OF_I] I_i) / d_i, and c[INVERSE] is 1 / d. Terms i and
-    M/2 + i are added in pairs, which halves the number of stores.
+    Return how many lanes may have a small d, and how many need elimination, whatever their d. Terms
+    i and M/2 + i, of M components, are added in pairs, which halves the number of stores.
     """
-    M = c.shape[1]
-    pairs = M // 2
+    pairs = c.shape[1] // 2
     for l in range(lanes):
         b[HALF, l] = 0.5 * b[EPS, l] * b[P, l]
         b[ALPHA, l], b[BETA, l], b[GAMMA, l] = 0.0, 0.0, 0.0
     for i in range(pairs):
         j = pairs + i
         for l in range(lanes):
-            inverse_i, alpha_i, beta_i, gamma_i = sum_terms(
-                c[J_, i, l], c[I_, i, l], c[W, i, l], b[HALF, l]
-            )
-            inverse_j, alpha_j, beta_j, gamma_j = sum_terms(
-                c[J_, j, l], c[I_, j, l], c[W, j, l], b[HALF, l]
-            )
+            inverse_i, alpha_i, beta_i, gamma_i = terms_at(c, b, i, l)
+            inverse_j, alpha_j, beta_j, gamma_j = terms_at(c, b, j, l)
             c[INVERSE, i, l], c[INVERSE, j, l] = inverse_i, inverse_j
             b[ALPHA, l] = b[ALPHA, l] + alpha_i + alpha_j
             b[BETA, l] = b[BETA, l] + beta_i + beta_j
             b[GAMMA, l] = b[GAMMA, l] + gamma_i + gamma_j
-    near, to_solve = NONE, NONE
+    near, to_solve = ZERO, ZERO
     for l in range(lanes):
         b[OF_W, l], b[OF_I, l], accurate, b[DET, l] = solve_two(
             b[EPS, l], b[P, l], b[SQUARE, l], b[ALPHA, l], b[BETA, l], b[GAMMA, l]
@@ -131,13 +135,22 @@ def compute_factors(c, b, lanes):
         b[TO_SOLVE, l] = select(accurate, 0.0, 1.0)
         near += b[HALF, l] >= b[NEAR, l]
         to_solve += ~accurate
-    if near > 0:
-        for l in range(lanes):
-            for i in range(M):
-                b[DET, l] *= -1.0 if b[HALF, l] > c[J_, i, l] else 1.0
-                if abs(1.0 - b[HALF, l] / c[J_, i, l]) <= FAR_FROM_0 and b[TO_SOLVE, l] == 0.0:
-                    b[TO_SOLVE, l] = 1.0
-                    to_solve += 1
+    return near, to_solve
+
+
+@formula
+def find_small_divisors(c, b, lanes):
+    """Give b[DET] the sign of det A, as the d have it; return how many more lanes need elimination.
+
+    These are lanes with a small d.
+    """
+    to_solve = ZERO
+    for l in range(lanes):
+        for i in range(c.shape[1]):
+            b[DET, l] *= -1.0 if b[HALF, l] > c[J_, i, l] else 1.0
+            if abs(1.0 - b[HALF, l] / c[J_, i, l]) <= FAR_FROM_0 and b[TO_SOLVE, l] == 0.0:
+                b[TO_SOLVE, l] = 1.0
+                to_solve += 1
     return to_solve
 
 
@@ -159,7 +172,8 @@ def compute_sums(c, b, lanes):
     for i in range(pairs):
         j = pairs + i
         for l in range(lanes):
-            w_i, w_j = c[W, i, l], c[W, j, l]
+            w_i = c[W, i, l]
+            w_j = c[W, j, l]
             b[P, l] = b[P, l] + c[I_, i, l] * w_i + c[I_, j, l] * w_j
             b[SQUARE, l] = b[SQUARE, l] + w_i * w_i + w_j * w_j
 
@@ -172,9 +186,11 @@ def eliminate_one(c, b, l, memory):
     fill_systems(c, b, a, l, 1)
     system = a.reshape(m, m + 1)
     status = solve(system, units)  # equation (16)
-    b[OF_W, l], b[OF_I, l], b[DET, l] = 0.0, 0.0, 1.0
+    b[OF_W, l], b[OF_I, l] = 0.0, 0.0  # no increments
+    b[DET, l] = 1.0
     for i in range(m):
-        c[W, i, l], c[INVERSE, i, l] = system[i, m], 0.0
+        c[W, i, l] = system[i, m]
+        c[INVERSE, i, l] = 0.0
         b[DET, l] *= -1.0 if system[i, i] < 0.0 else 1.0
     if status != OK:
         end_lane(c, b, l)
@@ -183,27 +199,38 @@ def eliminate_one(c, b, l, memory):
 
 @inlined
 def eliminate_all(c, b, a, lanes):
-    """Take the step of a block (c, b) by elimination in `a`; return how many lanes need `solve`."""
-    m = len(a)
+    """Take the step of a block (c, b) by elimination in `a`, in the lanes that keep their digits.
+
+    Return how many other lanes there are; b[TO_SOLVE] is 1 in these, else 0.
+    """
+    m, to_solve = len(a), ZERO
     fill_systems(c, b, a, 0, lanes)
     eliminate(a, b, lanes)
     for l in range(lanes):
-        b[TO_SOLVE, l], b[DET, l] = 0.0, 1.0
+        b[TO_SOLVE, l] = 0.0
+        b[DET, l] = 1.0
     for i in range(m):
         for l in range(lanes):
             b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if the solution is not finite
             b[DET, l] *= select(a[i, i, l] < 0.0, -1.0, 1.0)
-    return accept(a, c[W], b, lanes)
+    for l in range(lanes):
+        has_failed = np.isnan(c[W, 0, l])
+        is_solved = (b[TO_SOLVE, l] == 0.0) & keeps_digits(b, l) | has_failed
+        b[TO_SOLVE, l] = select(is_solved, 0.0, 1.0)
+        to_solve += ~is_solved
+    for i in range(m):
+        for l in range(lanes):
+            c[W, i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], c[W, i, l])
+    return to_solve
 
 
-@inlined
-def start_one(system, state, c, b):
-    """Fill a block (c, b) of one lane with the body and step size of an `NDSystem`, and a state."""
-    J, I, b[EPS, 0], b[NEAR, 0], _ = system
+@formula
+def fill_lane(c, l, J, I, w):
+    """Fill lane l of a block with J, I and the state w of a trajectory."""
     for i in range(c.shape[1]):
-        c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
-        if i < len(J):
-            c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], state[i]
+        c[J_, i, l], c[I_, i, l], c[W, i, l] = np.inf, 0.0, 0.0
+        if i < len(w):
+            c[J_, i, l], c[I_, i, l], c[W, i, l] = J[i], I[i], w[i]
 
 
 @inlined
@@ -217,10 +244,15 @@ def end_one(c, b, out, status):
 @function
 def nd_step_of_one(system, state, out, memory):
     """Write the state after `state` to `out`; return its status. `memory` is from `nd_memory`."""
-    (c, b, for_solve), status = memory, OK
-    start_one(system, state, c, b)
+    c, b, for_solve = memory
+    status = OK
+    J, I, b[EPS, 0], b[NEAR, 0], _ = system
+    fill_lane(c, 0, J, I, state)
     compute_sums(c, b, 1)
-    if compute_factors(c, b, 1) > 0:
+    near, to_solve = compute_factors(c, b, 1)
+    if near > 0:
+        to_solve += find_small_divisors(c, b, 1)
+    if to_solve > 0:
         status = eliminate_one(c, b, 0, for_solve)
     add_increments(c, b, 1)
     return end_one(c, b, out, status)
@@ -229,9 +261,11 @@ def nd_step_of_one(system, state, out, memory):
 @function
 def gauss_step_of_one(system, state, out, memory):
     """Write the state after `state`, by elimination in `memory`, to `out`; return its status."""
-    ((c, b, for_solve), a), status = memory, OK
-    start_one(system, state, c, b)
-    if eliminate_all(c, b, a, 1) > 0 or np.isnan(c[W, 0, 0]):  # `accept` leaves out NaN
+    (c, b, for_solve), a = memory
+    status = OK
+    J, I, b[EPS, 0], b[NEAR, 0], _ = system
+    fill_lane(c, 0, J, I, state)
+    if eliminate_all(c, b, a, 1) > 0 or np.isnan(c[W, 0, 0]):  # as if the lane had failed
         status = eliminate_one(c, b, 0, for_solve)
     return end_one(c, b, out, status)
 
@@ -308,8 +342,9 @@ def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
     (c, b, for_solve), a = uncounted(memory), uncounted(systems)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
-        begin, row = first + block * lanes, next_row
+        begin = first + block * lanes
         end = lesser(begin + lanes, last)
+        row = next_row
         states = omega0 if start == 0 else final
         start_block(c, b, parameters, states, begin, end, start, output)
         for k in range(begin, end if start == 0 else begin):
@@ -336,17 +371,21 @@ def step_block(c, b, a, for_solve, begin, end, n, output, by_elimination):
     _, _, carry, status, failed_at = output
     lanes = c.shape[2]
     if by_elimination is None:
-        to_solve = compute_factors(c, b, lanes)
+        near, to_solve = compute_factors(c, b, lanes)
+        if near > 0:
+            to_solve += find_small_divisors(c, b, lanes)
     else:
         to_solve = eliminate_all(c, b, a, lanes)
     for l in range(lanes if to_solve > 0 else 0):
         if b[TO_SOLVE, l] > 0.0:
             code = eliminate_one(c, b, l, for_solve)
             if code != OK and begin + l < end:
-                status[begin + l], failed_at[begin + l] = code, n
+                status[begin + l] = code
+                failed_at[begin + l] = n
     for l in range(end - begin):
         if b[DET, l] < 0.0 and status[begin + l] == OK:
-            status[begin + l], failed_at[begin + l] = PASSED_POLE, n
+            status[begin + l] = PASSED_POLE
+            failed_at[begin + l] = n
             carry[0, begin + l] = n
     if by_elimination is None:
         add_increments(c, b, lanes)
@@ -361,15 +400,13 @@ def start_block(c, b, parameters, states, begin, end, start, output):
     are not finite have failed at state 0, with the status NONFINITE.
     """
     _, _, _, status, failed_at = output
-    (J, I, eps), m = parameters, states.shape[1]
+    J, I, eps = parameters
     for l in range(c.shape[2]):
-        k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
+        k = lesser(begin + l, end - 1)
+        undefined, smallest = 0.0, np.inf
         b[EPS, l] = eps[k % len(eps)]
+        fill_lane(c, l, J[k % len(J)], I[k % len(I)], states[k])
         for i in range(c.shape[1]):
-            c[J_, i, l], c[I_, i, l], c[W, i, l] = np.inf, 0.0, 0.0
-            if i < m:
-                c[J_, i, l], c[I_, i, l] = J[k % len(J), i], I[k % len(I), i]
-                c[W, i, l] = states[k, i]
             undefined += 0.0 * c[W, i, l]
             smallest = lesser(c[J_, i, l], smallest)
         b[NEAR, l] = (1.0 - FAR_FROM_0) * smallest
@@ -388,55 +425,41 @@ def end_lane(c, b, l):
         c[W, i, l] = np.nan
 
 
-def _sums_of_all(I, w):
-    """Return p = I.w and |w|**2 of states w (M, B), added in the order of `compute_sums`."""
-    p = square = 0.0
-    pairs = len(w) // 2
-    for i, j in zip(range(pairs), range(pairs, 2 * pairs), strict=True):
-        p = p + I[i] * w[i] + I[j] * w[j]
-        square = square + w[i] * w[i] + w[j] * w[j]
-    return p, square
-
-
 def nd_steps_side_by_side(parameters, omega0, span, output):
     """Take the steps by NumPy and return True; return False if one loses digits or passes a pole.
 
-    `nd_steps` explains the arguments. `carry` becomes 0 if start is 0.
+    `nd_steps` explains the arguments.
     """
     begin, end, start, stop, every, row = span
-    saved, final, carry, status, failed_at = output
     if begin == end:
         return True
     own, m = slice(begin, end), omega0.shape[1]
-    J, I, eps = (a[own].T if len(a) > 1 else a.T for a in parameters)
-    to_even = (0, m % 2), (0, 0)
-    J, I = np.pad(J, to_even, constant_values=np.inf), np.pad(I, to_even)
-    w = np.pad((omega0 if start == 0 else final)[own].T, to_even)
+    saved, final, carry, status, failed_at = output.of(own)
+    c, b = np.zeros((4, m + m % 2, 1, end - begin)), np.empty((ROWS, 1, end - begin))
+    J, I, eps = (a[own] if len(a) > 1 else a for a in parameters)
+    c[J_] = np.inf
+    c[J_, :m, 0] = J.T
+    c[I_, :m, 0] = I.T
+    c[W, :m, 0] = (omega0[own] if start == 0 else final).T
     if start == 0:
-        undefined = np.isnan(w).any(axis=0)
-        status[own][undefined], failed_at[own][undefined], carry[0, own] = NONFINITE, 0, 0.0
-    ended = status[own] < 0
-    w[:, ended], eps = np.nan, select(ended, np.nan, eps)
-    near, pairs, inverse = (1.0 - FAR_FROM_0) * J.min(axis=0), len(w) // 2, np.empty_like(w)
-    p, square = _sums_of_all(I, w)
+        undefined = np.isnan(c[W, :, 0]).any(axis=0)
+        status[undefined], failed_at[undefined] = NONFINITE, 0
+        carry[:] = 0.0
+    c[W, :, 0] = select(status < 0, np.nan, c[W, :, 0])
+    b[EPS] = select(status < 0, np.nan, eps)
+    b[NEAR] = (1.0 - FAR_FROM_0) * c[J_].min(axis=0)
+    compute_sums(c, b, 1)
     for n in range(start, stop + 1):
         if n > start:
-            half, alpha, beta, gamma = 0.5 * eps * p, 0.0, 0.0, 0.0
-            for i in range(pairs):
-                j = pairs + i
-                inverse[i], alpha_i, beta_i, gamma_i = sum_terms(J[i], I[i], w[i], half)
-                inverse[j], alpha_j, beta_j, gamma_j = sum_terms(J[j], I[j], w[j], half)
-                alpha = alpha + alpha_i + alpha_j
-                beta = beta + beta_i + beta_j
-                gamma = gamma + gamma_i + gamma_j
-            of_w, of_I, accurate, det = solve_two(eps, p, square, alpha, beta, gamma)
-            if ((half >= near) | ~accurate | (det < 0.0)).any():
+            near, to_solve = compute_factors(c, b, 1)
+            if ((near > 0) | (to_solve > 0) | (b[DET, 0] < 0.0)).any():
                 return False
-            w = w + (of_w * w + of_I * I) * inverse
-            p, square = _sums_of_all(I, w)
+            add_increments(c, b, 1)
+            compute_sums(c, b, 1)
         if every > 0 and n % every == 0 and (n > start or start == 0):
-            saved[row, own], row = w[:m].T, row + 1
-    final[own] = w[:m].T
+            saved[row] = c[W, :m, 0].T
+            row += 1
+    final[:] = c[W, :m, 0].T
     return True
 
 

@@ -1,15 +1,16 @@
 """Steps of a body or gyrostat in three dimensions, in blocks of lanes: the kernel.
 
-The equations, and the plain and the general form of a state, are those of `suslov.map_3d`.
+`suslov.map_3d` has the equations, and the plain and the general form of a state. A block b[row, l]
+has a trajectory in each lane l: LANES of them, or a single one.
 """
 
 import numpy as np
 
 from ..numba.arrays import array_at, block_of, uncounted
-from ..numba.decorators import are_common, as_python, formula, kernel, pick, share
+from ..numba.decorators import ZERO, as_python, formula, kernel, share
 from ..numba.intrinsics import lesser, select
 from ..numba.status_codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .blocks import alignment, store_rows, write_pairs
+from .blocks import alignment, are_common, fill_parameters, store_rows, write_pairs
 from .map_3d import (
     LARGEST,
     Frame,
@@ -27,96 +28,110 @@ from .map_3d import (
     project_on_level,
 )
 
-# Typed, because Numba compiles a function for each literal, and types one twice if a sum begins so.
-FIRST, ONE, LANES, NO = np.int64(0), np.int64(1), np.int64(128), np.bool_(False)
+ONE, LANES, NO = np.int64(1), np.int64(128), np.bool_(False)  # typed, as ZERO
 FEW = 6  # trajectories, which take less time one by one than all lanes of a block
 # Plain steps, of which only the last one sets a decayed X to 0. A test at each step would take a
 # fifth longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
 DECAYING = np.int64(16)
 PROJECTED = 512  # steps, after which R is restored
-GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0
+GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state
 TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
-# Rows of a block: the form; X and Y of the plain form; X, u, v and initial R of the general form.
-# A run continues from these: from the first three if the whole block is plain, from U and V as the
-# state if that is fixed. TAKEN and AT_POLE count the general steps of a lane alone, and those from
-# a pole. The rest are the state, the frame, and the factors of X.
-KIND, X_, Y_, XG, U, V, R, TAKEN, AT_POLE, W1, W2, FRAME = range(12)
-E_, I13_, I23_, K_ = range(FRAME + 6, FRAME + 10)
-CARRIED, CARRIED_BY_PLAIN, ROWS = TAKEN, XG, K_ + 1
-# Rows that first hold something else: parameters until the frames are made, a flag until the steps.
-I1_, I2_, EPS_, TOO_LONG = KIND, X_, E_, TAKEN
-STATE = np.int64(W1)  # typed, as FIRST
+# Rows of a block. A run continues from the first ones: from three if the whole block is plain, else
+# from all CARRIED, where U and V are the state if it is fixed.
+FORM, X_, Y_ = range(3)  # X and Y of the plain form
+XG, U, V, R = range(3, 7)  # X, u and v of the general form, and R at the start
+CARRIED_BY_PLAIN, CARRIED = XG, R + 1
+TAKEN, AT_POLE = 7, 8  # of a single lane: the number of general steps, and of those from a pole
+W1, W2 = 9, 10  # the state; in other rows stores of W1 and W2 would delay loads of X and Y
+FRAME = 11  # the first row of the seven of the `Frame`
+I1_, I2_, I13_, I23_, K_, EPS_ = range(18, 24)
+TOO_LONG = 24  # 1.0 if state 0 is supercritical
+ROWS = 25
+STATE, BODY = np.int64(W1), np.int64(I1_)  # typed, as ZERO
 new_block = block_of(ROWS, int(LANES))
 
 
 @formula
 def frame_at(b, l):
-    """Return the `Frame` (constants of body and eps) of lane l of a block `b` (ROWS, lanes)."""
-    K, a1, a2 = b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l]
-    return Frame(K, a1, a2, b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l])
+    """Return the `Frame` of lane l of a block."""
+    e, K, a1 = b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l]
+    a2, back, m1 = b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l]
+    return Frame(e, K, a1, a2, back, m1, b[FRAME + 6, l])
+
+
+@formula
+def fill_frame(b, l):
+    """Compute the `Frame` of lane l of a block from the rows of its body and eps."""
+    frame = frame_of(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], b[EPS_, l])
+    b[FRAME, l] = frame.e
+    b[FRAME + 1, l] = frame.K
+    b[FRAME + 2, l] = frame.a1
+    b[FRAME + 3, l] = frame.a2
+    b[FRAME + 4, l] = frame.back
+    b[FRAME + 5, l] = frame.m1
+    b[FRAME + 6, l] = frame.m2
 
 
 @formula
 def state_at(b, l):
-    """Return the state (w1, w2) of lane l of a block `b` (ROWS, lanes); NaN if there is none."""
+    """Return the state (w1, w2) of lane l of a block; NaN if there is none."""
     plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
-    plain, fixed = b[KIND, l] == PLAIN, b[KIND, l] == FIXED
+    plain = b[FORM, l] == PLAIN
+    fixed = b[FORM, l] == FIXED
     w1 = select(plain, plain1, select(fixed, b[W1, l], b[U, l]))
-    w2 = select(plain, plain2, select(fixed, b[W2, l], b[V, l] * b[FRAME + 3, l]))
+    w2 = select(plain, plain2, select(fixed, b[W2, l], b[V, l] * b[FRAME + 4, l]))
     exists = abs(w1) + abs(w2) < np.inf
     return select(exists, w1, np.nan), select(exists, w2, np.nan)
 
 
 @formula
-def fill_frames(b, lanes, first, width, parameters):
-    """Fill `lanes` lanes of a block `b` with the `Frame`, e, I13, I23 and k of trajectories.
+def start_lane(b, l):
+    """Fill the rows from FORM to V, and TOO_LONG, of lane l of a block from its state 0."""
+    frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
+    X, Y = XY_in_frame(frame, b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
+    plain = is_plain(frame, X, Y)
+    fixed = ~plain & is_fixed(X, Y)
+    b[FORM, l] = select(plain, PLAIN, select(fixed, FIXED, GENERAL))
+    b[X_, l] = X
+    b[Y_, l] = Y
+    b[XG, l] = select(loses_digits(frame, X, Y), np.nan, X)  # NaN, for no next state
+    b[U, l] = select(fixed, 0.0, w1)
+    b[V, l] = select(fixed, 0.0, w2 / frame.back)
+    b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
 
-    They are `width` trajectories from number `first` on; later lanes repeat the first one.
-    `parameters` are (I1, I2, I13, I23, k, eps).
+
+@formula
+def fill_frames(b, lanes, first, width, parameters):
+    """Fill `lanes` lanes with the bodies and frames of `width` trajectories, `first` and following.
+
+    Lanes beyond `width` repeat the first trajectory.
     """
-    I1, I2, I13, I23, k, eps = parameters
-    full = LANES if lanes > 1 else ONE  # constants, for SIMD
     for l in range(lanes):
-        i = first + (l if l < width else 0)
-        b[I1_, l], b[I2_, l] = pick(I1, i), pick(I2, i)
-        b[I13_, l], b[I23_, l] = pick(I13, i), pick(I23, i)
-        b[K_, l], b[EPS_, l] = pick(k, i), pick(eps, i)
-    for l in range(full):
-        frame, e = frame_of(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], b[EPS_, l])
-        b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
-        b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l] = frame.back, frame.m1, frame.m2
-        b[E_, l] = e
+        fill_parameters(b, l, BODY, parameters, first + (l if l < width else 0))
+    for l in range(LANES if lanes > 1 else ONE):  # constants, for SIMD
+        fill_frame(b, l)
 
 
 @formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with trajectories from number `first` on, at state 0; return how many are plain.
+    """Fill lanes with trajectories at state 0, as `fill_frames` does; return how many are plain.
 
-    Plain states take steps in X and Y alone. If `lanes` is 1, a plain trajectory counts as LANES.
-    Lanes beyond `width` repeat the first one. `b` is the block (ROWS, LANES), and `omega0` (B, 2).
-    `status` and `failed_at` (B,) change for states that are supercritical or not finite.
+    A plain trajectory counts as LANES if `lanes` is 1. `status` and `failed_at` (B,) change for
+    states that are supercritical or not finite.
     """
-    full, plains, flagged = LANES if lanes > 1 else ONE, FIRST, FIRST
     for l in range(lanes):
         i = first + (l if l < width else 0)
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
+    full = LANES if lanes > 1 else ONE  # constants, for SIMD
+    plains, flagged = ZERO, ZERO
     for l in range(full):
-        frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
-        X, Y = XY_in_frame(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
-        plain, v = is_plain(frame, X, Y), w2 / frame.back
-        fixed = ~plain & is_fixed(X, Y)
-        form = select(plain, PLAIN, select(fixed, FIXED, GENERAL))
-        b[KIND, l], b[U, l], b[V, l] = form, select(fixed, 0.0, w1), select(fixed, 0.0, v)
-        b[X_, l], b[Y_, l] = X, Y
-        b[XG, l] = select(loses_digits(frame, X, Y), np.nan, X)  # NaN, for no next state
-        b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
-        flagged += (b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf)
-        plains += plain
+        start_lane(b, l)
+        plains += b[FORM, l] == PLAIN
+        flagged += (b[TOO_LONG, l] > 0.0) | ~(abs(b[U, l]) + abs(b[V, l]) < np.inf)
     if plains < full:
         for l in range(full):
-            X = b[XG, l]
-            b[R, l] = length(b[U, l], b[V, l]) / np.sqrt(1.0 + X * X)
+            b[R, l] = length(b[U, l], b[V, l]) / np.sqrt(1.0 + b[XG, l] * b[XG, l])
     for l in range(width if flagged > 0 else 0):
         if b[TOO_LONG, l] > 0.0:
             status[first + l] = SUPERCRITICAL
@@ -127,24 +142,21 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
 
 @formula
 def continue_lanes(b, lanes, first, width, carry):
-    """Fill lanes with `width` trajectories from number `first` on, as `carry` has them after a run.
-
-    Return how many take steps in X and Y alone, LANES if the only lane does; `b` is the block.
-    """
-    plains = FIRST
+    """Fill lanes as `start_lanes` does, but from `carry`, in which the last run left them."""
+    plains = ZERO
     for l in range(lanes):
         for j in range(CARRIED):
             b[j, l] = carry[j, first + (l if l < width else 0)]
         b[W1, l], b[W2, l] = b[U, l], b[V, l]
-        if b[KIND, l] == FIXED:
+        if b[FORM, l] == FIXED:
             b[U, l], b[V, l] = 0.0, 0.0
-        plains += b[KIND, l] == PLAIN
+        plains += b[FORM, l] == PLAIN
     return plains * (LANES // lanes)
 
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take the lanes of a block `b` from state n to state `pause`; `lanes` is a constant, for SIMD.
+    """Take the lanes of a block from state n to state `pause`; `lanes` is a constant, for SIMD.
 
     `plains` is how many take steps in X and Y alone, LANES if all do. A single lane stops if there
     is no next state; to test all lanes takes 1.4 times as long.
@@ -178,12 +190,12 @@ def take_steps(b, lanes, plains, n, pause):
 def finish_lanes(b, alone, plains, first, last, span, output):
     """Write all of `output` except saved states; return how many trajectories may have failed.
 
-    The lanes of the block `b` are trajectories `first` to last - 1; `plains` of them take steps in
-    X and Y alone, LANES if all do. If `alone`, there is one lane, with a failure that is known.
-    Otherwise failed_at becomes TO_FIND where a trajectory may have failed.
+    The lanes are trajectories `first` to last - 1; `plains` of them take steps in X and Y alone,
+    LANES if all do. If `alone`, there is one lane, with a failure that is known. Otherwise
+    failed_at becomes TO_FIND where a trajectory may have failed.
     """
     _, final, carry, status, failed_at = output
-    to_find = FIRST
+    to_find = ZERO
     if plains == LANES:
         target = array_at(final.ctypes.data, (final.size,), np.float64)
         store_rows(b, STATE, target, 2 * first, last - first)
@@ -192,12 +204,13 @@ def finish_lanes(b, alone, plains, first, last, span, output):
                 carry[j, first + l] = b[j, l]
     for l in range(last - first if plains < LANES else 0):
         i = first + l
-        may_fail = b[KIND, l] != PLAIN and status[i] >= 0
+        may_fail = b[FORM, l] != PLAIN and status[i] >= 0
         if not alone and may_fail and not abs(b[U, l]) + abs(b[V, l]) < LARGEST:
-            failed_at[i], to_find = TO_FIND, to_find + 1
+            failed_at[i] = TO_FIND
+            to_find += 1
             continue
         final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
-        if b[KIND, l] == FIXED:
+        if b[FORM, l] == FIXED:
             b[U, l], b[V, l] = b[W1, l], b[W2, l]
         for j in range(CARRIED):
             carry[j, i] = b[j, l]
@@ -223,16 +236,18 @@ def steps(part, parts, parameters, omega0, span, output):
     parameters, omega0, output = uncounted(parameters), uncounted(omega0), uncounted(output)
     begin, end, start, stop, every, first_row = span
     saved, _, carry, status, failed_at = output
-    B, out, b = len(omega0), array_at(saved.ctypes.data, (saved.size,), np.float64), new_block()
+    out = array_at(saved.ctypes.data, (saved.size,), np.float64)
+    B, b = len(omega0), new_block()
     first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
-    alone, common = end - begin <= FEW, are_common(parameters)
+    common = are_common(parameters)
+    alone = end - begin <= FEW
     lanes = ONE if alone else LANES
     lead, shift, shared = alignment(out, begin, B, lanes)
     stride, origin = lanes - shared, begin - shift
     first_block, last_block = share((end - origin + stride - 1) // stride, part, parts)
     begin = begin if first_block == 0 else origin + first_block * stride
     end = lesser(origin + last_block * stride, end)
-    first, again, to_find = begin, NO, FIRST
+    first, again, to_find = begin, NO, ZERO
     while first < end:
         last = lesser(first + stride - (first - origin) % stride, end)
         if again and failed_at[first] != TO_FIND:
@@ -246,9 +261,10 @@ def steps(part, parts, parameters, omega0, span, output):
             plains = start_lanes(b, lanes, first, width, omega0, status, failed_at)
         else:
             plains = continue_lanes(b, lanes, first, width, carry)
-        b[TAKEN, FIRST], b[AT_POLE, FIRST] = 0.0, 0.0
+        b[TAKEN, ZERO], b[AT_POLE, ZERO] = 0.0, 0.0
         fuses = plains == LANES and not alone and common and every == 1
-        n, next_saved, row, frame = start, first_saved, first_row, frame_at(b, FIRST)
+        frame = frame_at(b, ZERO)
+        n, next_saved, row = start, first_saved, first_row
         while True:
             fused = fuses and 0 < n < stop
             if fused:  # states and steps in one loop
@@ -264,7 +280,8 @@ def steps(part, parts, parameters, omega0, span, output):
                     out[place], out[place + 1] = b[W1, 0], b[W2, 0]
                 else:
                     write_pairs(b, STATE, out, place, width, lead, after, before)
-                next_saved, row = next_saved + every, row + 1
+                next_saved += every
+                row += 1
             if n == stop:
                 break
             pause = lesser(lesser(stop, next_saved), (n // PROJECTED + 1) * PROJECTED)
@@ -281,57 +298,50 @@ def steps(part, parts, parameters, omega0, span, output):
 
 
 def steps_side_by_side(parameters, omega0, span, output):
-    """Take the steps of all trajectories by NumPy, with the bits of `steps`; always return True.
+    """Take the steps of all trajectories by NumPy, with the bits of `steps`; return True.
 
     `Kernel.by_numpy` calls it before `steps` is compiled; True says that the work is done.
-    `steps` explains the arguments.
     """
     # NumPy rounds sums, products, quotients and roots as the kernel does.
     begin, end, start, stop, every, row = span
-    saved, final, carry, status, failed_at = output
-    own, b = slice(begin, end), np.zeros((STATE + 2, end - begin))
-    I1, I2, I13, I23, k, eps = (a[own] if len(a) > 1 else a for a in parameters)
-    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    own, l = slice(begin, end), slice(None)  # all lanes of a block
+    saved, final, carry, status, failed_at = output.of(own)
+    b = np.zeros((ROWS, end - begin))
+    for place, parameter in enumerate(parameters, BODY):
+        b[place] = parameter[own] if len(parameter) > 1 else parameter
+    fill_frame(b, l)
     if start == 0:
-        w1, w2 = b[W1], b[W2] = omega0[own].T
-        b[X_], b[Y_] = X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
-        fixed = is_fixed(X, Y)
-        form = select(is_plain(frame, X, Y), PLAIN, select(fixed, FIXED, GENERAL))
-        b[KIND], b[U], b[V] = form, w1, w2 / frame.back
-        b[XG] = X = select(loses_digits(frame, X, Y), np.nan, X)
-        b[R] = length(b[U], b[V]) / np.sqrt(1.0 + X * X)
-        status[own][is_supercritical(frame, b[X_], Y)] = SUPERCRITICAL
-        undefined = ~fixed & ~(abs(b[U]) + abs(b[V]) < np.inf)
-        status[own][undefined], failed_at[own][undefined] = NONFINITE, 0
+        b[W1], b[W2] = omega0[own].T
+        start_lane(b, l)
+        b[R] = length(b[U], b[V]) / np.sqrt(1.0 + b[XG] * b[XG])
+        status[b[TOO_LONG] > 0.0] = SUPERCRITICAL
+        undefined = ~(abs(b[U]) + abs(b[V]) < np.inf)
+        status[undefined], failed_at[undefined] = NONFINITE, 0
     else:
-        b[:CARRIED] = carry[:, own]
+        b[:CARRIED] = carry
         b[W1], b[W2] = b[U], b[V]
-    p, g = np.flatnonzero(b[KIND] == PLAIN), np.flatnonzero(b[KIND] == GENERAL)
-    of_plain = Frame(*(a[p] if len(a) > 1 else a for a in frame))
-    of_general = Frame(*(a[g] if len(a) > 1 else a for a in frame))
-    X, Y, XZ, u, v, first = b[X_, p], b[Y_, p], b[XG, g], b[U, g], b[V, g], b[R, g]
-    exists, w = status[own][g] >= 0, b[STATE:]
+        b[U:R, b[FORM] == FIXED] = 0.0
+    frame, plain, general = frame_at(b, l), b[FORM] == PLAIN, b[FORM] == GENERAL
     for n in range(start, stop + 1):
-        if n > start and len(p):
-            X, Y = plain_step(X, Y)
-        if n > start and len(g):
-            XZ, u, v, pole = general_step(of_general, XZ, u, v)
-            lost = exists & ~(abs(u) + abs(v) < np.inf)
-            if np.count_nonzero(lost):
-                which, exists = begin + g[lost], exists & ~lost
-                status[which] = select(pole[lost] > 0.0, SINGULAR, NONFINITE)
-                failed_at[which], u[lost], v[lost] = n, np.nan, np.nan
+        if n > start and plain.any():
+            b[X_], b[Y_] = plain_step(b[X_], b[Y_])
+        if n > start and general.any():
+            b[XG], b[U], b[V], pole = general_step(frame, b[XG], b[U], b[V])
+            lost = general & (status >= 0) & ~(abs(b[U]) + abs(b[V]) < np.inf)
+            status[lost] = select(pole[lost] > 0.0, SINGULAR, NONFINITE)
+            failed_at[lost] = n
+            b[U:R, lost] = np.nan
             if n % PROJECTED == 0:
-                XZ, u, v = project_on_level(of_general, first, XZ, u, v)
+                b[XG], b[U], b[V] = project_on_level(frame, b[R], b[XG], b[U], b[V])
         is_saved = every > 0 and n % every == 0 and (n > start or n == 0)
         if n > 0 and (is_saved or n == stop):
-            w[:, p], w[:, g] = leave_plain(of_plain, X, Y), (u, v * of_general.back)
-            w[:, ~(abs(w[0]) + abs(w[1]) < np.inf)] = np.nan
+            b[W1], b[W2] = state_at(b, l)
         if is_saved:
-            saved[row, own], row = w.T, row + 1
-    b[X_, p], b[Y_, p], b[XG, g], b[U, g], b[V, g] = X, Y, XZ, u, v
-    b[U:R, b[KIND] == FIXED] = w[:, b[KIND] == FIXED]
-    final[own], carry[:, own] = w.T, b[:CARRIED]
+            saved[row] = b[W1:FRAME].T
+            row += 1
+    b[U:R, b[FORM] == FIXED] = b[W1:FRAME, b[FORM] == FIXED]
+    final[:] = b[W1:FRAME].T
+    carry[:] = b[:CARRIED]
     return True
 
 

@@ -17,8 +17,8 @@ def in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
     """Return I1, I2, I13, I23, I3 and the rotation; ValueError if no rigid body has the tensor."""
     tensors, rotation = adapted(I, a, 3)
     principal = np.linalg.eigvalsh(checks.real_array("I", I))
-    largest, others = principal[..., -1], principal[..., 0] + principal[..., 1]
-    bad = others - largest < -_ROUNDING * largest
+    largest = principal[..., -1]
+    bad = principal[..., 0] + principal[..., 1] - largest < -_ROUNDING * largest
     _refuse("I", bad, f"is of no rigid body (triangle inequality): {_CONVENTIONS}")
     I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
     return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation

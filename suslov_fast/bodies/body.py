@@ -63,7 +63,6 @@ class Suslov(BodyOfEquations):
     _axes: ClassVar[dict[str, int]] = {"rotation": 2}
     rotation: Any
 
-    # ------------------------------------------------------------------------------ parts
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters by name."""
@@ -85,7 +84,6 @@ class Suslov(BodyOfEquations):
             return body
         return body._rotated(checks.rotations("rotation", rotation, body.dimension + 1))
 
-    # ------------------------------------------------------------------------------ values
     _is_solved: ClassVar[Any] = True  # whether the closed form is known, of members
 
     def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
@@ -284,7 +282,6 @@ class Suslov(BodyOfEquations):
             return np.asarray((R @ values[..., np.newaxis])[..., 0])
         return np.asarray(R @ values @ R.swapaxes(-2, -1))
 
-    # ------------------------------------------------------------------------- closed form
     @public
     def exact(
         self, omega0: ArrayLike, /, eps: Reals, n: ArrayLike, *, threads: int | None = None

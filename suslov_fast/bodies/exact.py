@@ -30,17 +30,18 @@ _REASONS = (
 def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArray:
     """Return states of the flow at `times`, or of the map by number if `is_number`; warn of NaN."""
     plane, from_plane = problem.body._in_plane(problem)
-    batch, threads, flat_times = plane.batch, plane.threads, flat_arrays(times, times.shape, 0)
-    starts = flat_arrays(plane.omega, batch)
+    batch = plane.batch
+    flat_times, starts = flat_arrays(times, times.shape, 0), flat_arrays(plane.omega, batch)
     orbits = by_constants(plane.body, plane.eps, batch), starts, float(is_number)
-    states, reasons = np.empty((times.size, *starts.shape)), np.zeros((3, len(starts)), bool)
+    states = np.empty((times.size, *starts.shape))
+    reasons = np.zeros((3, len(starts)), bool)
     rows = max(SLICE // max(len(starts), 1), 1)
     for row in range(0, times.size, rows):
         slice_times = flat_times[row : row + rows]
         work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))
         data = *orbits, slice_times, states[row:], reasons
         seconds = _IN_PYTHON * (128 + len(starts) * (2 + len(slice_times)))
-        call_kernel(closed_form.states, work, threads, *data, seconds=seconds)
+        call_kernel(closed_form.states, work, plane.threads, *data, seconds=seconds)
     if np.count_nonzero(reasons):  # faster than `any`, which matters in small calls
         for flags, (reason, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():

@@ -46,16 +46,16 @@ _INSTEAD = {
 
 def check_known(body: Any, function: str) -> None:
     """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
-    parts, how = body._reduction, _INSTEAD[function]
-    known, expected = body._is_solved, "two coordinates"
+    parts, known = body._reduction, body._is_solved
+    expected = "two coordinates"
     if function == "invariant_density":
         known = known | (parts.count == 3) & parts.one_coupled
         expected += ", or three of which one has a coupling"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
         known_for = f"only for those that equal J, or I = 0, reduce to {expected} (see reduced)"
-        text = f"{function} has no known formula for {which}, {known_for}: use {how}"
-        raise NotIntegrableError(text)
+        text = f"{function} has no known formula for {which}, {known_for}"
+        raise NotIntegrableError(f"{text}: use {_INSTEAD[function]}")
 
 
 def wedge(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -94,14 +94,16 @@ def _rates(body: Any, omega: FloatArray, after: FloatArray) -> FloatArray:
 def _sums_of_others(terms: FloatArray) -> FloatArray:
     """Return for each i the sum of the terms j != i (..., m)."""
     parts = [*np.moveaxis(terms, -1, 0)]
-    before, after = [0.0, *accumulate(parts[:-1])], [0.0, *accumulate(parts[:0:-1])]
+    before = [0.0, *accumulate(parts[:-1])]
+    after = [0.0, *accumulate(parts[:0:-1])]
     return np.stack([a + b for a, b in zip(before, reversed(after), strict=True)], axis=-1)
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
     """Return E**2 / (E + eps**2 f.Jf / 8)."""
-    J, E, f = problem.body.J, _energy(problem), _rates(problem.body, problem.omega, problem.omega)
-    ratio = 0.125 * problem.eps * problem.eps * in_range(_sum(J * f * f)) / E
+    E = _energy(problem)
+    f = _rates(problem.body, problem.omega, problem.omega)
+    ratio = 0.125 * problem.eps * problem.eps * in_range(_sum(problem.body.J * f * f)) / E
     return np.where(E == 0.0, 0.0, E / in_range(1.0 + ratio))
 
 
@@ -134,9 +136,7 @@ def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
     return np.asarray((body.I * x).sum(axis=-1, keepdims=True) * roots * roots)
 
 
-def in_plane(
-    problem: Problem,
-) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
     A body of two coordinates with J = a, b and I = (c, d) is that of I1 = a, I2 = b, I13 = -d,
@@ -150,8 +150,8 @@ def in_plane(
     def map_back(states: FloatArray) -> FloatArray:
         return np.where(steady, omega, parts.back(states, omega))
 
-    reduced = Suslov3D._of(plane)
-    return problem._replace(body=reduced, omega=parts.states(omega, 2)), map_back
+    states = parts.states(omega, 2)
+    return problem._replace(body=Suslov3D._of(plane), omega=states), map_back
 
 
 def _criticality(problem: Problem) -> FloatArray:
@@ -170,16 +170,16 @@ def _density(problem: Problem) -> FloatArray:
 
     States with the same r are a sphere, whose area is the power of r that each part in E0 adds.
     """
-    body, omega, eps = problem.body, problem.omega, problem.eps
-    parts, values = body._reduction, np.ones(problem.batch)
+    parts = problem.body._reduction
+    values = np.ones(problem.batch)
     for size, of_size in ((2, _density_of_two), (3, _density_of_three)):
         has_size = ~parts.steady & (parts.count == size)
         if has_size.any():
-            x = parts.states(omega, size)
+            x = parts.states(problem.omega, size)
             area = (x ** parts.further(size)).prod(axis=-1)
             J, I = parts.parameters(size)
-            values = np.where(has_size, of_size(J, I, eps, x) / area, values)
-    return np.asarray(values + 0.0 * omega.sum(axis=-1))
+            values = np.where(has_size, of_size(J, I, problem.eps, x) / area, values)
+    return np.asarray(values + 0.0 * problem.omega.sum(axis=-1))
 
 
 def _density_of_two(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> FloatArray:

@@ -17,9 +17,9 @@ from ..checks import FloatArray
 class Reduction:
     """Coordinates of bodies with J and I (..., m), each member by its own eigenspaces.
 
-    Coordinates of a member stand in the order in which their J appears first, u before r. With
-    `size` above its count a member gets further ones, which are 0: they have a J of which E0 is
-    there, so that E0 only has a larger dimension.
+    Coordinates of a member stand in the order in which their J appears first, u before r. If `size`
+    exceeds the `count` of a member, it gets more coordinates, which are 0: they only increase the
+    dimension of an E0.
     """
 
     def __init__(self, J: FloatArray, I: FloatArray) -> None:

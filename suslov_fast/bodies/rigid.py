@@ -136,7 +136,6 @@ class Suslov3D(Suslov):
         if np.any(self.k):
             raise ValueError(f"{function} is for bodies without a rotor, whose k is 0")
 
-    # ------------------------------------------------------------------------- constructors
     @public
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
@@ -230,7 +229,6 @@ class Suslov3D(Suslov):
         I1, I2, I13, I23, I3, rotation = in_adapted_basis(I, a)
         return cls(I1, I2, I13, I23, k, I3)._rotated(rotation)
 
-    # ------------------------------------------------------------------------- quantities
     @public
     def rotation_number(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
         """Return the rotation number of an orbit: the mean number of turns per step of the map.

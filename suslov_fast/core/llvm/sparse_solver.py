@@ -48,18 +48,21 @@ def _along(text, parts, begin, end, row_0, numbers=0):
     number in L or U. `row_0` is the address of row 0, and `numbers` of the first number. If W is 1,
     one loop takes AT_ONCE rows as lanes of a wider text. `parts` is the result of `_parts`.
     """
-    inner, size = Code(max(text.W, AT_ONCE), text), text.size
+    inner = Code(max(text.W, AT_ONCE), text)
+    size = text.size
     with text.when(begin < end):
         for now in text.rounds(Carried(span=begin, number=numbers)):
             first, count = (text.short(parts.spans, now.span * 2 + k) for k in range(2))
-            first, rest = row_0 + first * size, 0
+            first = row_0 + first * size
+            rest = 0
             if text.W == 1:
                 rest = count - (count & (AT_ONCE - 1))
                 for n in _between(text, 0, rest // AT_ONCE):
                     yield inner, first + n * inner.size, now.number + n * inner.size
             for n in _between(text, rest, count):
                 yield text, first + n * size, now.number + n * size
-            now.span, now.number = now.span + 1, now.number + count * size
+            now.span = now.span + 1
+            now.number = now.number + count * size
             now.goes_on = now.span < end
 
 
@@ -79,7 +82,8 @@ def add_factors(text, name, plan):
     with text.function(name):
         of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")
         entries, inverses = text.array("%from"), text.array("%to")
-        w, s, size = text.array("%scratch"), entries[of.entries], text.size
+        w, size = text.array("%scratch"), text.size
+        s = entries[of.entries]
         lower = inverses.at(of.D)
         upper = lower + of.of_lower * size
         for j in text.each(of.D):
@@ -93,7 +97,8 @@ def add_factors(text, name, plan):
             w[j] = 1.0 + w[j]
             for n in _between(text, own.pivots, after.pivots):
                 k = text.short(of.pivots, n)
-                (column, following), factor = _offsets(text, of, k), _for_rows(text, w[k])
+                column, following = _offsets(text, of, k)
+                factor = _for_rows(text, w[k])
                 numbers = lower + column.of_lower * size
                 for inner, row, number in _along(
                     text, of, column.lower, following.spans, w.at(), numbers
@@ -102,7 +107,8 @@ def add_factors(text, name, plan):
                     inner.array(row)[0] = inner.array(row)[0] - product
             inverses[j] = inverse = 1.0 / w[j]
             inverse = _for_rows(text, inverse)
-            numbers, apart = upper + own.of_upper * size, inverses.at() - w.at()
+            numbers = upper + own.of_upper * size
+            apart = inverses.at() - w.at()
             for inner, row, number in _along(text, of, own.spans, own.lower, w.at(), numbers):
                 inner.array(number)[0] = inner.array(row)[0] * inner.array(row + apart)[0]
             numbers = lower + own.of_lower * size

@@ -354,15 +354,17 @@ class Code:
 
     def constants(self, values, name=None):
         """Add an array of constants, integers or floats; return it as `Integers` or `Shared`."""
-        values, name = np.asarray(values), name or f"array{len(self.target.arrays_of_text)}"
+        name = name or f"array{len(self.target.arrays_of_text)}"
+        values = np.asarray(values)
         if values.dtype == float:
-            rows, kind, mark, bits = Shared, "double", ", align 64", values.ravel().view(np.uint64)
-            values = [f"0x{number:016X}" for number in bits.tolist()]
+            rows, kind, mark = Shared, "double", ", align 64"
+            texts = [f"0x{bits:016X}" for bits in values.ravel().view(np.uint64).tolist()]
         else:
             rows, kind, mark = Integers, f"i{8 * values.itemsize}", ""
-            values = values.ravel().tolist()
-        whole, values = f"[{len(values)} x {kind}]", ", ".join(f"{kind} {a}" for a in values)
-        self.target.arrays_of_text.append(f"@{name} = private constant {whole} [{values}]{mark}")
+            texts = values.ravel().tolist()
+        whole = f"[{len(texts)} x {kind}]"
+        items = ", ".join(f"{kind} {text}" for text in texts)
+        self.target.arrays_of_text.append(f"@{name} = private constant {whole} [{items}]{mark}")
         return rows(self, Index(self, self.new(f"ptrtoint {pointer(whole)} @{name} to i64")))
 
     def table(self, table):
@@ -372,7 +374,8 @@ class Code:
             text = Code(1)
             text.add(f"define internal double @{name}(double %x) #0 {{")
             text.label("entry")
-            x, intervals = Value(text, "%x"), Intervals(text, table, f"{name}_rows")
+            intervals = Intervals(text, table, f"{name}_rows")
+            x = Value(text, "%x")
             x = (x > LARGEST).select(LARGEST, (x < -LARGEST).select(-LARGEST, x))
             at = intervals.holding(x)
             rows = (Shared(text, at + k * intervals.bytes)[0] for k in range(Table.ROWS))
@@ -384,8 +387,7 @@ class Code:
 
     def copy(self, source, target, count):
         """Add a loop that copies `count` rows; `source` and `target` are arrays or addresses."""
-        both = source, target
-        source, target = (a if isinstance(a, Array) else Array(self, a) for a in both)
+        source, target = (a if isinstance(a, Array) else Array(self, a) for a in (source, target))
         for k in self.each(count):
             target[k] = source[k]
 
@@ -403,10 +405,11 @@ class Code:
 
         first = 0
         if self.W == 1 and count >= MANY:
-            wide, first = self.lanes(AT_ONCE), count - count % AT_ONCE
-            own = [a if isinstance(a, Array) else wide.splat(a) for a in inputs]
+            first = count - count % AT_ONCE
+            wide = self.lanes(AT_ONCE)
+            wide_inputs = [a if isinstance(a, Array) else wide.splat(a) for a in inputs]
             for k in self.each(first // AT_ONCE):
-                put(wide, own, k * AT_ONCE)
+                put(wide, wide_inputs, k * AT_ONCE)
         for k in self.each(count - first):
             put(self, inputs, k + first)
 
@@ -440,17 +443,18 @@ class Code:
 
     def otherwise(self, truth, values, body):
         """Return `values` if `truth` is true, else the values of body(), which runs only then."""
-        name, before, values = self._name("otherwise"), self.target.block, map(self.value, values)
+        name, before = self._name("otherwise"), self.target.block
+        values = map(self.value, values)
         self.branch(truth, f"{name}_after", name, True)
         self.label(name)
         others, end = body(), self.target.block
         self.jump(f"{name}_after")
         self.label(f"{name}_after")
-        found = []
+        results = []
         for value, other in zip(values, others, strict=True):
             phi = self.new(f"phi {value.kind} [ {value}, %{before} ], [ {other}, %{end} ]")
-            found.append(type(value)(self, phi))
-        return found
+            results.append(type(value)(self, phi))
+        return results
 
     # --------------------------------------------------------------------------------------- loops
     def rounds(self, carried, *others):
@@ -462,7 +466,8 @@ class Code:
         name, before = self._name("cycle"), self.target.block
         self.jump(name)
         self.label(name)
-        place, phis = len(self.target.lines), []
+        place = len(self.target.lines)
+        phis = []
         for each in (carried, *others):
             for key, value in vars(each).items():
                 value = self.value(value)
@@ -576,10 +581,10 @@ class Code:
 
     def splat(self, number):
         """Return a `Value` with the same number in all lanes; `number` is the name of a double."""
-        V, order = self.V, f"<{self.W} x i32> zeroinitializer"
         if self.W > 1:
-            first = self.new(f"insertelement {V} undef, double {number}, i32 0")
-            number = self.new(f"shufflevector {V} {first}, {V} undef, {order}")
+            first = self.new(f"insertelement {self.V} undef, double {number}, i32 0")
+            order = f"<{self.W} x i32> zeroinitializer"
+            number = self.new(f"shufflevector {self.V} {first}, {self.V} undef, {order}")
         return Value(self, number)
 
     def _call(self, name, *operands):
@@ -665,7 +670,8 @@ class Code:
         function = f"lanes_{name}_{self.W}"
         if function not in self.target.functions:
             operations, result = list_of(name)
-            text, values = Code(self.W), {k: f"%x{k}" for k in range(len(operands))}
+            text = Code(self.W)
+            values = {k: f"%x{k}" for k in range(len(operands))}
             given = text._typed(values.values())
             text.add(f"define internal {self.V} @{function}({given}) #0 {{")
             text.label("entry")

@@ -24,12 +24,12 @@ LANES = 8
 
 
 class Dense(NamedTuple):
-    """Fields for `take_dense_steps`: the terms v x_j x_k of each f_i, in spans, and eps.
+    """Fields for `take_dense_steps`: the terms v x_j x_k of each f_i, and eps; x_D is 1.
 
-    A span, for `fill`, is all terms with equal j and equal k in consecutive equations i; x_D is 1.
+    A run of terms is all terms with equal j and equal k in consecutive equations i.
     """
 
-    spans: Any  # (S, 5): j, k, first row, number of rows, first coefficient
+    runs: Any  # (S, 5): j, k, first i, number of terms, first coefficient
     terms: Any  # (T,), the term of each coefficient
     of_one_sign: Any  # (D,), true for components that keep their sign along the motion
     indices: Any  # (3, T), of the terms
@@ -47,20 +47,21 @@ class Memory(NamedTuple):
     columns: Any  # (parts, lanes, D + 1, D)
     bases: Any  # (parts, lanes, D), the states before a step
     halves: Any  # (parts, stages, 1 or lanes, T), h v of the terms
-    coefficients: Any  # the same in the order of spans
+    coefficients: Any  # the same in the order of runs
     of_one: Any  # (parts, D (D + 3)), for `solve_at`
 
 
 @functools.lru_cache(8)
-def _spans_of(step):
+def _runs_of(step):
+    """Return the first four items of a `Dense`."""
     i, j, k = step.indices
     terms = np.lexsort((i, k, j))
     i, j, k = i[terms], j[terms], k[terms]
     follows = np.zeros(len(i), bool)
     follows[1:] = (j[1:] == j[:-1]) & (k[1:] == k[:-1]) & (i[1:] == i[:-1] + 1)
     [at] = np.nonzero(~follows)
-    spans = np.stack([j[at], k[at], i[at], np.diff(np.append(at, len(i))), at], axis=1)
-    return spans, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
+    runs = np.stack([j[at], k[at], i[at], np.diff(np.append(at, len(i))), at], axis=1)
+    return runs, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
 
 
 def take_dense(threads, arguments, omega0, span, output):
@@ -70,26 +71,24 @@ def take_dense(threads, arguments, omega0, span, output):
     `output` has n of first states beyond poles, or 0. If a lane loses digits, `solve_at` is
     compiled, and the steps are taken again.
     """
-    (scheme, *parameters), begin, end = arguments, span.begin, span.end
-    own = slice(begin, end)
+    scheme, *parameters = arguments
+    trajectories = slice(span.begin, span.end)
     if span.start == 0:
-        saved, final, [poles], status, failed_at = output.of(own)
-        final[:] = omega0[own]
+        saved, final, [poles], status, failed_at = output.of(trajectories)
+        final[:] = omega0[trajectories]
         note_undefined(final, (status, failed_at, poles))
         final[status < 0] = np.nan
         if span.every:
             saved[span.row] = final
             span = span._replace(row=span.row + 1)
     D, T, fractions = scheme.step.D, scheme.step.T, np.array(scheme.stages.fractions)
-    W = max(min(LANES, end - begin), 1)  # an empty batch has no lanes
-    for_each = threads, len(fractions), W if max(map(len, parameters)) > 1 else 1, T
-    shapes = (W, D, D + 1), (W, D + 1, D), (W, D)
-    memory = Memory(
-        *(np.empty((threads, *shape)) for shape in shapes),
-        np.empty(for_each), np.empty(for_each), np.empty((threads, D * (D + 3))),
-    )  # fmt: skip
-    address, needs = solve_at.address if solve_at.is_compiled else 0, np.zeros(1, np.int64)
-    field = Dense(*_spans_of(scheme.step), fractions, *parameters, address, needs)
+    W = max(min(LANES, span.end - span.begin), 1)  # an empty batch has no lanes
+    of_terms = len(fractions), W if max(map(len, parameters)) > 1 else 1, T
+    shapes = (W, D, D + 1), (W, D + 1, D), (W, D), of_terms, of_terms, (D * (D + 3),)
+    memory = Memory(*(np.empty((threads, *shape)) for shape in shapes))
+    address = solve_at.address if solve_at.is_compiled else 0
+    needs = np.zeros(1, np.int64)
+    field = Dense(*_runs_of(scheme.step), fractions, *parameters, address, needs)
     changed = output.final, output.carry, output.status, output.failed_at
     before = [] if address else [array.copy() for array in changed]
     call = take_dense_steps.serial
@@ -103,33 +102,35 @@ def take_dense(threads, arguments, omega0, span, output):
 
 
 @function
-def fill(spans, coefficients, states, columns, a):
+def fill(runs, coefficients, states, columns, a):
     """Fill `a` (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
 
     With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of
-    N, plus x, is the right side. Rows of `spans` are (j, k, first i, count, first index) of terms
-    with equal j and k. `coefficients` (1 or W, T) are h v in this order; `columns` (W, D + 1, D) is
-    memory for N. A coefficient is read once for all lanes: coefficients take most memory.
+    N, plus x, is the right side. `runs` are those of a `Dense`, and `coefficients` (1 or W, T) are
+    h v in their order; `columns` (W, D + 1, D) is memory for N.
     """
     W, D = states.shape
     for l in range(W):
         for j in range(D + 1):
             for i in range(D):
                 columns[l, j, i] = states[l, i] if j == D else 0.0
-    for s in range(len(spans)):
-        j, k, begin, n, at = spans[s, 0], spans[s, 1], spans[s, 2], spans[s, 3], spans[s, 4]
+    for r in range(len(runs)):
+        j, k, begin, n, at = runs[r, 0], runs[r, 1], runs[r, 2], runs[r, 3], runs[r, 4]
         for l in range(W):
             values = coefficients[l % len(coefficients), at : at + n]
-            one, other = columns[l, j, begin : begin + n], columns[l, k, begin : begin + n]
-            x_j, x_k = states[l, j] if j < D else 1.0, states[l, k] if k < D else 1.0
+            N_j = columns[l, j, begin : begin + n]
+            N_k = columns[l, k, begin : begin + n]
+            x_j = states[l, j] if j < D else 1.0
+            x_k = states[l, k] if k < D else 1.0
             for c in range(n):
-                one[c] += values[c] * x_k
-                other[c] += values[c] * x_j
+                N_j[c] += values[c] * x_k
+                N_k[c] += values[c] * x_j
     for l in range(W):
         for i in range(D):
             for j in range(D):
                 a[l, i, j] = -columns[l, j, i]
-            a[l, i, i], a[l, i, D] = 1.0 + a[l, i, i], columns[l, D, i]
+            a[l, i, i] += 1.0
+            a[l, i, D] = columns[l, D, i]
 
 
 @function
@@ -140,7 +141,8 @@ def solve_rows(a):
     diagonal. Return True if no pivot is relatively small, and True if det A < 0. Rows are
     eliminated in order, so that a row stays in the first cache. Unsigned j makes row loops SIMD.
     """
-    D, least, largest, negative = len(a), np.inf, 1.0, False
+    D = len(a)
+    least, largest, negative = np.inf, 1.0, False
     for i in range(D):
         largest = simd_max(abs(a[i, i]), largest)
     for i in range(D):
@@ -156,7 +158,8 @@ def solve_rows(a):
                 a[i, j] -= first * a[i - 1, j]
             a[i, i - 1] = first
         pivot = a[i, i]
-        least, largest = simd_min(abs(pivot), least), simd_max(abs(pivot), largest)
+        least = simd_min(abs(pivot), least)
+        largest = simd_max(abs(pivot), largest)
         negative ^= pivot < 0.0
         a[i, i] = 1.0 / pivot
     for i in range(D - 1, -1, -1):
@@ -168,10 +171,9 @@ def solve_rows(a):
 
 @c_function
 def solve_at(indices, half, x, memory, D, T):
-    """Take the step of a state in place, with pivoting; return -status, plus 256 if det A < 0.
+    """Take the step of a state in place, as `solve_lane`; return -status, plus 256 if det A < 0.
 
-    Arguments but D and T are addresses: of i, j, k (`indices`) and eps v / 2 (`half`) of the T
-    terms v x_j x_k of f_i, of the state x, and of `memory` for D (D + 3) numbers.
+    All arguments except D and T are addresses; `memory` is for D (D + 3) numbers.
     """
     status, negative = solve_lane(
         array_at(indices, (3, T), np.int64),
@@ -185,12 +187,12 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of the terms v x_j x_k of trajectory i to lane l of two arrays (stages, lanes, T).
+    """Write h v of trajectory i to lane l of two arrays of a `Memory`, for the terms of a `Dense`.
 
-    h is eps / 2 times the fraction of the stage. `halves` has the order of terms, `coefficients`
-    the order of spans. `field` is a `Dense`.
+    h is eps / 2 times the fraction of the stage.
     """
-    values, half = field.values[i % len(field.values)], 0.5 * field.eps[i % len(field.eps)]
+    values = field.values[i % len(field.values)]
+    half = 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
         for t in range(len(values)):
             halves[s, l, t] = field.fractions[s] * (half * values[t])
@@ -208,39 +210,41 @@ def take_dense_steps(part, parts, field, memory, span, output):
     begin, end, start, stop, every, row = span
     a, columns, bases = memory.a[part], memory.columns[part], memory.bases[part]
     halves, coefficients = memory.halves[part], memory.coefficients[part]
-    W, D, own, T = len(a), final.shape[1], halves.shape[1], len(field.terms)
+    W, D, T = len(a), final.shape[1], len(field.terms)
     first, last = share((end - begin + W - 1) // W, part, parts)
     for lo in range(begin + first * W, lesser(begin + last * W, end), W):
-        x, place = final[lo : lesser(lo + W, end)], row
-        for l in range(lesser(len(x), own)):
+        x = final[lo : lesser(lo + W, end)]
+        place = row
+        for l in range(lesser(len(x), halves.shape[1])):
             prepare(field, lo + l, l, halves, coefficients)
         for n in range(start + 1, stop + 1):
             for l in range(len(x)):
                 for k in range(D):
                     bases[l, k] = x[l, k]
             for s in range(len(field.fractions)):
-                fill(field.spans, coefficients[s], x, columns, a)
+                fill(field.runs, coefficients[s], x, columns, a)
                 for l in range(len(x)):
                     i, undefined, bits = lo + l, 0.0, np.int64(0)
                     if status[i] < 0:
                         continue
-                    is_good, negative = solve_rows(a[l])
+                    is_accurate, negative = solve_rows(a[l])
                     for k in range(D):
                         undefined += 0.0 * a[l, k, D]
-                    is_good = is_good and undefined == 0.0
-                    for k in range(D if is_good else 0):
+                    is_accurate = is_accurate and undefined == 0.0
+                    for k in range(D if is_accurate else 0):
                         x[l, k] = a[l, k, D]
-                    if not is_good and field.solve_at == 0:
+                    if not is_accurate and field.solve_at == 0:
                         field.needs[0] = 1
                         return
-                    if not is_good:
-                        half = halves.ctypes.data + 8 * T * (s * own + l % own)
+                    if not is_accurate:
+                        half = halves[s, l % halves.shape[1]].ctypes.data
                         places = field.indices.ctypes.data, half, x.ctypes.data + 8 * l * D
                         memory_of_one = memory.of_one[part].ctypes.data
                         bits = call_code(field.solve_at, (*places, memory_of_one, D, T))
                         negative = bits >= 256
                     if bits & 255 != OK:
-                        status[i], failed_at[i] = -(bits & 255), n
+                        status[i] = -(bits & 255)
+                        failed_at[i] = n
                     elif negative and carry[0, i] == 0.0:
                         carry[0, i], status[i], failed_at[i] = n, PASSED_POLE, n
             for l in range(len(x)):

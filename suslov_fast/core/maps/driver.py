@@ -63,7 +63,8 @@ class _Driver:
     """Writer of the text of `text_of_steps` (same arguments): loops around the code of a stage."""
 
     def __init__(self, step, name, W, for_each, saves):
-        self.text, self.step, self.D, self.name = Code(W), step, step.D, name
+        self.text, self.name = Code(W), name
+        self.step, self.D = step, step.D
         self.for_each, self.saves = for_each, saves
         self.all_lanes = (1 << W) - 1
 
@@ -88,24 +89,29 @@ class _Driver:
         now = Carried(n=at.n, stage=at.stage, until=at.until, row=at.row)
         for _ in text.rounds(now):
             self.step_of(lo, hi, now)
-        at.lo, at.n, at.stage, at.until, at.row = hi, 0, 0, of.first_until, of.first_row
+        at.lo = hi
+        at.n, at.stage = 0, 0
+        at.until, at.row = of.first_until, of.first_row
         at.goes_on = hi < of.lines
 
     def step_of(self, lo, hi, now):
         """Add the code of a stage of lines lo to hi - 1; set loop variables `now` for the next."""
         text, of, n, row = self.text, self.of, now.n, now.row
-        saves, table = now.until.equals(0), Integers(text, of.plan)[now.stage]
+        saves = now.until.equals(0)
+        table = Integers(text, of.plan)[now.stage]
         following = now.stage + 1
         is_last = following.equals(of.stages)
         for at in text.rounds(Carried(line=lo)):
-            line, state = at.line, of.x + at.line * (Index(text, self.D) * text.size)
+            line = at.line
+            state = of.x + line * (Index(text, self.D) * text.size)
             final = self.take_stage(state, table, line, n)
             if self.saves:
                 with text.when(saves):
                     self.save(line, row, state, final)
             at.line = line + 1
             at.goes_on = at.line < hi
-        now.n, now.stage = n + 1, is_last.select(0, following)
+        now.n = n + 1
+        now.stage = is_last.select(0, following)
         now.until = saves.select(of.between, now.until - 1)
         now.row = saves.select(row + of.row_bytes, row)
         now.goes_on = now.n < of.steps
@@ -118,7 +124,6 @@ class _Driver:
                     self.slots[getattr(SLOT, key)] = getattr(now, key)
                 text.leave(f"i64 {DONE}")
 
-    # --------------------------------------------------------------------- lanes that need pivoting
     def others(self, bits, line, marks):
         """Return an integer: bits of the lanes of a line that are neither in `bits` nor marked.
 
@@ -140,7 +145,6 @@ class _Driver:
         text.call("void", of.pivoting_step, of.pivoting_arguments, line, bad, signs, n)
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
-    # -------------------------------------------------------------------------------------- stages
     def take_stage(self, state, table, line, n):
         """Add the code of stage n of a line, which replaces its state; return the next state.
 
@@ -192,9 +196,11 @@ class _Driver:
         for k, value in enumerate(stage.results()):
             rows[k] = value
         finite = Truth(text, stage.values[self.step.accurate]).bits()
-        bad, new = finite ^ self.all_lanes, self.others(finite, line, of.ended)
+        bad = finite ^ self.all_lanes
+        new = self.others(finite, line, of.ended)
         for lane in text.each(text.W):
-            number, x = line * text.W + lane, one.array(rows.at() + 8 * lane)
+            number = line * text.W + lane
+            x = one.array(rows.at() + 8 * lane)
             with text.when(((bad >> lane) & 1).equals(1)):
                 for k in text.each(self.D):
                     x[k] = one.constant(math.nan)
@@ -205,7 +211,6 @@ class _Driver:
         text.store("i8", text.new(f"trunc i64 {marked} to i8"), of.ended + line, align=1)
         return [rows[k] for k in range(self.D)]
 
-    # -------------------------------------------------------------------------------------- saving
     def save_by_lane(self, line, row, state):
         """Add code that copies lanes in use of the line at `state` to the saved states at `row`."""
         text, one = self.text, self.text.lanes(1)
@@ -233,7 +238,8 @@ class _Driver:
         is_whole = (line + 1) * W <= self.of.trajectories
         with text.when(is_whole, likely=True):
             for first in range(0, W * D, W):
-                vector, sources = "undef", [divmod(n, D) for n in range(first, first + W)]
+                vector = "undef"
+                sources = [divmod(n, D) for n in range(first, first + W)]
                 for k in dict.fromkeys(component for _, component in sources):
                     order = [
                         W + lane if component == k else n

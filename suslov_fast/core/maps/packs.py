@@ -39,12 +39,12 @@ def in_lines(rows, W):
 @functools.lru_cache(PLANS)  # because it takes longer than a few steps
 def common_table(step, stages, eps, values):
     """Return eps v / 2 and tables (`tables_of`) of one field, cached by bytes of eps and values."""
-    values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
+    values = np.frombuffer(values)
+    fractions, _ = distinct(stages.fractions)
     halves = 0.5 * np.frombuffer(eps) * values
     table = step.table_of(np.outer(halves, fractions))
-    return halves[np.newaxis, :, np.newaxis], np.ascontiguousarray(table.T)[
-        :, np.newaxis, :, np.newaxis
-    ]
+    tables = np.ascontiguousarray(table.T)[:, np.newaxis, :, np.newaxis]
+    return halves[np.newaxis, :, np.newaxis], tables
 
 
 def plan_of(stages, table):
@@ -58,13 +58,13 @@ def tables_of(scheme, values, eps, W):
     `values` are the v. A table has all that a step needs of parameters alone, for a distinct
     fraction in `scheme`. For a common field the shapes are (1, T, 1) and (fractions, 1, n, 1).
     """
-    step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
+    fractions, _ = distinct(scheme.stages.fractions)
     if len(eps) == len(values) == 1:
         return common_table(*scheme, eps.tobytes(), values.tobytes())
     halves = in_lines(0.5 * eps[:, np.newaxis] * values, W)
     fractions = fractions[:, np.newaxis, np.newaxis]
     of_stages = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
-    return halves, aligned(np.moveaxis(step.table_of(of_stages), 0, 2))
+    return halves, aligned(np.moveaxis(scheme.step.table_of(of_stages), 0, 2))
 
 
 def packed(truths):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..llvm.compiler import address_of, code_of
+from ..llvm.compiler import address_of, code_of, known_codes
 from ..numba.decorators import function
 from ..numba.intrinsics import call_code, with_address
 from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
@@ -23,7 +23,10 @@ from .stage_code import text_of_stage
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
-    """Return a step's code, `DriverArguments` and arrays to keep alive; eps and values: bytes."""
+    """Return a step's code, its `DriverArguments`, and arrays that must stay alive.
+
+    `eps` and `values` are bytes, so that they can be keys of the cache.
+    """
     table = common_table(step, stages, eps, values)[1]
     plan = plan_of(stages, table)
     numbers = DriverArguments(
@@ -49,7 +52,8 @@ def steps_of_one(arguments, x, count=1, every=0, saved=None):
     x, numbers = x.copy(), template[:]
     numbers[SLOT.steps] = count * parts
     if every:
-        saved[0], numbers[SLOT.row] = x, address_of(saved) + saved.strides[0]
+        saved[0] = x
+        numbers[SLOT.row] = address_of(saved) + saved.strides[0]
         numbers[SLOT.row_bytes] = saved.strides[0]
         numbers[SLOT.until] = numbers[SLOT.between] = min(every, count + 1) * parts - 1
     at, _ = numbers.buffer_info()
@@ -59,7 +63,6 @@ def steps_of_one(arguments, x, count=1, every=0, saved=None):
 
 
 _SHORT = 10**6  # operations of steps, after which Python handles Ctrl-C
-_maps = {}  # steps of maps by the addresses of their codes, which last
 
 
 @with_address
@@ -74,9 +77,10 @@ class FieldSystem(NamedTuple):
     is_map: bool
 
     def __reduce__(self):
-        if self.is_map:
-            return _with_table, (_maps[self.address], self.table)
-        return system_of, (self.indices, self.half, self.dimension)
+        if not self.is_map:
+            return system_of, (self.indices, self.half, self.dimension)
+        step = next(code.step for code in [*known_codes.values()] if code == self.address)
+        return _with_table, (step, self.table)
 
 
 def system_of(indices, half, D):
@@ -97,10 +101,9 @@ def map_system_of(step, parameters):
 
 
 def _with_table(step, table):
-    address = int(code_of(text_of_stage, step, lasts=True))
-    _maps[address] = step
-    no_terms = np.empty((1, 0)), np.empty((3, 0), np.int64)
-    return FieldSystem(address, no_terms[0], table, no_terms[1], step.D, True)
+    code = code_of(text_of_stage, step, lasts=True)
+    code.step = step  # for pickles
+    return FieldSystem(int(code), np.empty((1, 0)), table, np.empty((3, 0), np.int64), step.D, True)
 
 
 @function
@@ -112,7 +115,7 @@ def field_memory(system):
 
 @function
 def field_step_of_one(system, state, out, memory):
-    """Write the state after `state` to `out`; return its status; `memory`: from `field_memory`."""
+    """Write the state after `state` to `out`; return its status."""
     matrix, units, x = memory
     status, passed = OK, False
     for i in range(len(x)):

@@ -17,9 +17,11 @@ def take(arguments, states, span, output, abandoned):
 
     `arguments` are a `Scheme`, values and eps. End early if `abandoned` is not empty.
     """
-    (scheme, values, eps), (_, _, start, stop, every, row) = arguments, span
+    scheme, values, eps = arguments
+    _, _, start, stop, every, row = span
     saved, final, [poles], status, failed_at = output
-    x, alive, halves = states.copy(), status >= 0, 0.5 * eps[:, np.newaxis] * values
+    halves = 0.5 * eps[:, np.newaxis] * values
+    x, alive = states.copy(), status >= 0
     x[~alive] = np.nan
     signs = [*scheme.step.of_one_sign]
     if scheme.step.of is None:
@@ -34,15 +36,17 @@ def take(arguments, states, span, output, abandoned):
             break
         before = x[:, signs]
         for fraction in scheme.stages.fractions:
-            (which,) = np.nonzero(alive)
+            [which] = np.nonzero(alive)
             x[which], sign = step(fraction, x[which], which)
             fails = ~np.isfinite(x[which]).all(axis=1)
             ends = which[fails]
-            status[ends], failed_at[ends] = np.where(sign[fails] == 0, SINGULAR, NONFINITE), n
+            status[ends] = np.where(sign[fails] == 0, SINGULAR, NONFINITE)
+            failed_at[ends] = n
             x[ends], alive[ends] = np.nan, False
             passed = which[(sign < 0) & ~fails & (poles[which] == 0.0)]
             poles[passed], status[passed], failed_at[passed] = n, PASSED_POLE, n
-        after, size = x[:, signs], SIGNIFICANT
+        after = x[:, signs]
+        size = SIGNIFICANT
         changed = ((before < 0.0) & (after > size) | (before > 0.0) & (after < -size)).any(axis=1)
         changed &= alive & (poles == 0.0)
         poles[changed], status[changed], failed_at[changed] = -n, PASSED_POLE, n
@@ -71,22 +75,24 @@ class _Sparse:
     """
 
     def __init__(self, indices, D, halves):
-        self.D, (i, j, k), self.halves = D, indices, halves
-        self.of_j, self.of_k, self.indices = np.flatnonzero(j < D), np.flatnonzero(k < D), indices
+        i, j, k = self.indices = indices
+        self.D, self.halves = D, halves
+        self.of_j, self.of_k = np.flatnonzero(j < D), np.flatnonzero(k < D)
         diagonal = np.arange(D)
         self.rows = np.concatenate([i[j < D], i[k < D], diagonal])
         self.columns = np.concatenate([j[j < D], k[k < D], diagonal])
 
     def __call__(self, fraction, x, which):
-        found, sign = np.empty_like(x), np.empty(len(x))
+        after, sign = np.empty_like(x), np.empty(len(x))
         for n, m in enumerate(which):
-            found[n], sign[n] = self._of_one(fraction * self.halves[m % len(self.halves)], x[n])
-        return found, sign
+            after[n], sign[n] = self._of_one(fraction * self.halves[m % len(self.halves)], x[n])
+        return after, sign
 
     def _of_one(self, half, x):
-        (i, j, k), y, D = self.indices, np.append(x, 1.0), self.D
-        parts = half[self.of_j] * y[k[self.of_j]], half[self.of_k] * y[j[self.of_k]]
-        entries = np.concatenate([-parts[0], -parts[1], np.ones(D)])
+        i, j, k = self.indices
+        D, y = self.D, np.append(x, 1.0)
+        of_j, of_k = half[self.of_j] * y[k[self.of_j]], half[self.of_k] * y[j[self.of_k]]
+        entries = np.concatenate([-of_j, -of_k, np.ones(D)])
         if not np.isfinite(entries).all():
             return np.full(D, np.nan), 1
         A = sparse.csc_matrix((entries, (self.rows, self.columns)), (D, D))

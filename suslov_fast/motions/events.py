@@ -187,8 +187,9 @@ class Events(Result):
 # ---------------------------------------------------------------------- lists of events for motions
 def checked_events(events: Any) -> tuple[Event, ...]:
     """Return an `Event`, or a list of them, as a tuple; TypeError for anything else."""
-    given = () if events is None else events
-    given = given if isinstance(given, (tuple, list)) else (given,)
+    if events is None or (type(events) is tuple and not events):  # as in most calls
+        return ()
+    given = events if isinstance(events, (tuple, list)) else (events,)
     for each in given:
         if not isinstance(each, Event):
             received = short(each) + f": pass Event({each!r})" * isinstance(each, str)
@@ -207,6 +208,8 @@ def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]
 
 def batch_of(events: tuple[Event, ...]) -> tuple[int, ...]:
     """Return the batch shape to which the given times of events broadcast; () without events."""
+    if not events:
+        return ()
     shapes = [event.times.shape[:-1] for event in events if event.times is not None]
     return common_shape({f"times {k}": shape for k, shape in enumerate(shapes)})
 

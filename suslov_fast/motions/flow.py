@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,9 @@ from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps.batch import Progress, reporter
 from ..maps.kernel_arguments import flat_arrays
-from ..maps.kernel_calls import thread_count
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
-from ..status import Status
+from ..results.result import read_only
 from .event import Event
 from .events import (
     actions_of,
@@ -39,7 +39,7 @@ from .motion_arguments import (
     checked_derivatives,
     checked_settings,
     checked_starts,
-    checked_times,
+    request_of,
     warn_of_ends,
     warn_of_lost_components,
     warn_of_tables,
@@ -159,15 +159,16 @@ def flow(
     """
     body: Any = system_of(system, x0)
     settings = checked_settings(body, Settings(rtol, atol, max_step, stiff))
-    times, sign = checked_times(time)
-    request = SolverRequest(times, sign, settings, thread_count(threads))
+    request = request_of(time, settings, threads)
+    times, sign = request.times, request.sign
     names, acting = checked_derivatives(body, derivatives), checked_events(events)
     x, batch = checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
             warn_of_tables(body, x, times.max(initial=0.0))
-    warn_of_times_that_never_come(acting, sign, times)
+    if acting:
+        warn_of_times_that_never_come(acting, sign, times)
     return solved(body, x, batch, request, progress, names, acting)
 
 
@@ -186,17 +187,16 @@ def solved(
     """
     times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()
-    of_columns, at_rest = None, (None, None)
+    of_columns, event_times, at_rest = None, None, (None, None)
     if events:
         actions = actions_of(body._field, events)
         event_times = event_times_of(events, request.sign, batch)
-        request = request._replace(event_times=event_times)
         if request.sign > 0:
             at_rest = starts_at_rest(body._field, events, x.reshape(*batch, x.shape[1]))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
-        if report is not None:
-            request = request._replace(report=report)
+        if report is not None or events:
+            request = request._replace(report=report, event_times=event_times)
         if names:
             result, of_columns = with_derivatives(body._field, x, batch, names, request, actions)
         elif events:
@@ -205,35 +205,49 @@ def solved(
         else:
             result = motion_of(body, x, batch, request)
         phases: dict[str, Any] = {}
-        where = are_stuck(result.status, at_rest[0])
-        if len(where):
+        is_clear = result.ends is None and at_rest[0] is None  # as in most calls
+        if not is_clear and len(where := are_stuck(result, at_rest[0])):
             part = Sliding(body._field, x, batch, where, request, events)
             result, of_columns, phases = part.continued(result, of_columns, names, at_rest)
         if report is not None and total and not result.is_stopped:
             report(total)  # the engine counts neither a time twice nor states after an end
-    warn_of_ends(result, x, batch, settings.atol)
-    warn_of_lost_components(result, batch)
-    last = request.sign * abs(times).max(initial=0.0)
-    motion = Motion._of(
-        {
-            "states": result.states.reshape((len(times), *batch, x.shape[1])),
-            "time": times,
-            "body": body,
-            "status": result.status.reshape(batch),
-            "end": np.where(result.status, result.t, last).reshape(batch),
-            "_again": result.repeated.reshape(batch),
-            "_by": names,
-            "_derivatives": of_columns,
-            **{name: column.reshape(batch) for name, column in result.columns.items()},
-            **settings._asdict(),
-            **phases,
-        }
-    )
+    if len(times) == 1:
+        last = times.reshape(())
+    else:
+        last = np.array(request.sign * abs(times).max(initial=0.0))
+    status = again = nothing_of(batch)
+    end = np.full(batch, last) if batch else last
+    if result.ends is not None:
+        warn_of_ends(result, x, batch, settings.atol)
+        warn_of_lost_components(result, batch)
+        status, again = (a.reshape(batch) for a in (result.ends.status, result.ends.repeated))
+        end = np.where(status, result.ends.t.reshape(batch), last)
+    arrays = {
+        "states": result.states.reshape((len(times), *batch, x.shape[1])),
+        "time": times,
+        "status": status,
+        "end": end,
+        "_again": again,
+        "_derivatives": of_columns,
+    }
+    for name, column in result.columns.items():
+        arrays[name] = column.reshape(batch)
+    others = {"body": body, "_by": names, **phases}
+    motion = Motion._of({**arrays, **_named(settings), **others}, arrays.values())
     if events:
         vars(motion)["_records"] = result.records, events, request.most
     else:
         vars(motion)["events"] = None
     return motion
+
+
+_named = lru_cache(64)(Settings._asdict)
+
+
+@lru_cache(64)
+def nothing_of(batch: tuple[int, ...]) -> NDArray[np.int8]:
+    """Return zeros that nobody can write to, so that results share them."""
+    return read_only(np.zeros(batch, np.int8))
 
 
 def motion_of(
@@ -272,6 +286,4 @@ def _exact(
     result = empty_result(x, len(request.times))
     states = states_at(problem, request.times, is_number=False).reshape(result.states.shape)
     has_none = np.isnan(states).any(axis=(0, 2)) | np.isnan(x[:, 0])
-    result.status[:] = np.where(has_none, Status.NONFINITE, Status.OK)
-    result.t[:] = np.nan
-    return result._replace(states=states)
+    return result._replace(states=states).without_steps(has_none)

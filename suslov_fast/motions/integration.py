@@ -131,44 +131,64 @@ class Rows(NamedTuple):
         return Records(trajectory, which, self.sign * rows[:, 2], before, states, others)
 
 
+class Ends(NamedTuple):
+    """How B trajectories ended."""
+
+    t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
+    status: NDArray[np.int8]  # (B,)
+    doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
+    repeated: NDArray[np.int8]  # (B,), 1 if small components made it compute again, else 0
+
+    def part(self, where: NDArray[np.int64]) -> Ends:
+        """Return the ends of trajectories `where` (K,)."""
+        parts: Any = (a[where] for a in self)
+        return Ends(*parts)
+
+
 class SolverResult(NamedTuple):
     """The result of the engine for B trajectories."""
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
-    t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
-    status: NDArray[np.int8]  # (B,)
     columns: dict[str, NDArray[Any]]  # of `COLUMNS`, (B,) each
-    doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
-    repeated: NDArray[np.int8]  # (B,), 1 if small components made it compute again, else 0
+    ends: Ends | None = None  # None if all have reached the last time, at once and without doubt
     records: Any = None  # `Records` or `Rows`, if there are events
     is_stopped: bool = False  # whether `report` ended the run
 
-    def _by_trajectory(self) -> list[NDArray[Any]]:
-        """Return the arrays (B,) that have a number for each trajectory."""
-        return [self.t, self.status, self.doubtful, self.repeated, *self.columns.values()]
+    @property
+    def all_ends(self) -> Ends:
+        """The `Ends`, also if all trajectories have reached the last time."""
+        B = self.states.shape[1]
+        return self.ends or Ends(np.full(B, np.nan), *np.zeros((3, B), np.int8))
+
+    def without_steps(self, has_no_value: NDArray[np.bool_]) -> SolverResult:
+        """Return this result, of trajectories (B,) that need no steps or have no value at x0."""
+        result = self._replace(ends=None)
+        if not has_no_value.any():
+            return result
+        ends = result.all_ends
+        ends.status[has_no_value] = Status.NONFINITE
+        return result._replace(ends=ends)
 
     def part(self, where: NDArray[np.int64]) -> SolverResult:
         """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
-        return SolverResult(
+        return self._replace(
             states=self.states[:, where],
-            t=self.t[where],
-            status=self.status[where],
             columns={name: column[where] for name, column in self.columns.items()},
-            doubtful=self.doubtful[where],
-            repeated=self.repeated[where],
-            records=None if self.records is None else self.records.in_order().part(where),
-            is_stopped=self.is_stopped,
+            ends=self.ends and self.ends.part(where),
+            records=self.records and self.records.in_order().part(where),
         )
 
     def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the result with trajectories `where` (K,) as in `part`; arrays are written to."""
-        self.states[:, where] = part.states
-        for whole, new in zip(self._by_trajectory(), part._by_trajectory(), strict=True):
+        ends, records = self.all_ends, self.records
+        wholes: list[Any] = [*ends, *self.columns.values()]
+        for whole, new in zip(wholes, [*part.all_ends, *part.columns.values()], strict=True):
             whole[where] = new
-        records = self.records
+        self.states[:, where] = part.states
         if part.records is not None:
             records = records.in_order().with_part(where, part.records.in_order())
-        return self._replace(records=records, is_stopped=self.is_stopped or part.is_stopped)
+        is_stopped = self.is_stopped or part.is_stopped
+        return self._replace(ends=ends, records=records, is_stopped=is_stopped)
 
     def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
         """Return the result with a second run of trajectories `where`; its steps are added."""
@@ -179,13 +199,11 @@ class SolverResult(NamedTuple):
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
     """Return the result before any step: states at `count` times are NaN."""
     B = len(starts)
+    status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
     return SolverResult(
         states=np.full((count, *starts.shape), np.nan),
-        t=np.zeros(B),
-        status=np.full(B, Status.TOO_MANY_STEPS, np.int8),
         columns={name: np.zeros(B, kind) for name, kind in COLUMNS.items()},
-        doubtful=np.zeros(B, np.int8),
-        repeated=np.zeros(B, np.int8),
+        ends=Ends(np.zeros(B), status, *np.zeros((2, B), np.int8)),
         records=Rows([], 1, starts),
     )
 
@@ -225,22 +243,22 @@ def to_tolerance(
     `groups` are the right-hand sides of the members of a field of this shape. If `request.report`
     returns False, states that are not yet computed stay NaN.
     """
-    moduli, has_events = abs(request.times), request.event_times is not None
-    times, places = moduli, None
-    if np.count_nonzero(moduli[1:] <= moduli[:-1]):
-        times, places = np.unique(moduli, return_inverse=True)
     if not len(x):
-        return empty_result(x, len(moduli))
+        return empty_result(x, len(request.times))
+    has_events, places = request.event_times is not None, None
+    if request.sign < 0:
+        request = request._replace(times=abs(request.times))
+    if len(request.times) > 1 and np.count_nonzero(request.times[1:] <= request.times[:-1]):
+        times, places = np.unique(request.times, return_inverse=True)
+        request = request._replace(times=times)
+    times = request.times
     if len(times) and (times[-1] > 0.0 or has_events):  # an event at time 0 acts
-        of_trajectories = right_hand_sides(groups, shape, batch)
-        result = _of_groups(of_trajectories, x, request._replace(times=times))
+        result = _of_groups(right_hand_sides(groups, shape, batch), x, request)
     else:
-        result = empty_result(x, len(times))
-        result.status[:] = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK)
-        result.t[:] = np.nan
+        result = empty_result(x, len(times)).without_steps(np.isnan(x[:, 0]))
     if len(times) and times[0] == 0.0:
         # After events the engine saves this state, unless a solution has no value.
-        kept = result.status == Status.NONFINITE if has_events else slice(None)
+        kept = result.all_ends.status == Status.NONFINITE if has_events else slice(None)
         result.states[0, kept] = x[kept]
     return result if places is None else result._replace(states=result.states[places])
 
@@ -254,15 +272,7 @@ def _of_group(
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
         states, columns, rows, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
-            return SolverResult(
-                states=states,
-                t=np.full(B, np.nan),
-                status=np.zeros(B, np.int8),
-                columns=columns,
-                doubtful=np.zeros(B, np.int8),
-                repeated=np.zeros(B, np.int8),
-                records=_rows_of(rows, starts, request),
-            )
+            return SolverResult(states, columns, records=_rows_of(rows, starts, request))
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
@@ -274,22 +284,20 @@ def _of_group(
     table = table if table.ndim == 1 else table[where]
     request = _part_of(request, where, engine.report_of_part(where))
     part = _again(f, table, starts[where], request, engine.lost[where])
-    part.repeated[:] = 1
+    part.all_ends.repeated[:] = 1
     return result.again(where, part)
 
 
 def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
     """Return the `SolverResult` of a run from `starts` (B, D)."""
-    return SolverResult(
-        states=engine.states,
+    ends = Ends(
         t=np.where(engine.state == LaneState.DONE, np.nan, engine.request.sign * engine.t),
         status=STATUS[engine.state],
-        columns=engine.columns,
         doubtful=FELL * engine.doubtful,
         repeated=np.zeros(len(starts), np.int8),
-        records=_rows_of(engine.records, starts, engine.request),
-        is_stopped=engine.is_stopped,
     )
+    records = _rows_of(engine.records, starts, engine.request)
+    return SolverResult(engine.states, engine.columns, ends, records, engine.is_stopped)
 
 
 def _rows_of(records: Any, starts: FloatArray, request: SolverRequest) -> Rows | None:
@@ -325,11 +333,13 @@ def _again(
         engine = run(where, np.where((lost < 0.0) | (not acts), RELATIVE, 0.0), acts)
         found = found.again(where, _result_of(engine, starts[where]))
         where = where[engine.state == LaneState.AGAIN]
-    (where,) = np.nonzero(np.isin(found.status, _ENDS))
+    (where,) = np.nonzero(np.isin(found.all_ends.status, _ENDS))
     if len(where) and not found.is_stopped:
         first = _result_of(run(where, np.zeros((len(where), lost.shape[1])), False), starts[where])
-        (lasts,) = np.nonzero(np.isnan(first.t) | (abs(first.t) > LATER * abs(found.t[where])))
-        part = first.part(lasts)._replace(doubtful=np.full(len(lasts), NO_DIGITS))
+        t, last = first.all_ends.t, found.all_ends.t[where]
+        (lasts,) = np.nonzero(np.isnan(t) | (abs(t) > LATER * abs(last)))
+        part = first.part(lasts)
+        part.all_ends.doubtful[:] = NO_DIGITS
         found = found.again(where[lasts], part)
     return found
 

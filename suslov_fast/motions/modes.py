@@ -23,7 +23,7 @@ from ..results.result import read_only
 from ..status import Status
 from .event import traced
 from .events import actions_of
-from .integration import to_tolerance
+from .integration import SolverResult, to_tolerance
 from .phases import rows_of
 from .sensitivities import with_derivatives
 
@@ -112,17 +112,18 @@ class Sliding:
         else:
             groups = with_events(field, self.actions)
             part = to_tolerance(groups, field.shape, self.starts, K, self.request)
-        of_part, status = part.records.in_order(), part.status.copy()
+        of_part, ends = part.records.in_order(), part.all_ends
+        status = ends.status
         # No modes are consistent, or they change without end, as on two surfaces that are crossed.
         status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
         if not self.surfaces:
             status[status == Status.ACCUMULATES] = Status.SLIDING
-        part = part._replace(states=part.states[..., :D], status=status)
+        part = part._replace(states=part.states[..., :D], ends=ends)
         rows = rows_of(of_part, D, self.count, len(self.contacts))
         part = self.stopped(part._replace(records=self.records(of_part, kept)), columns)
         numbers = rows[:, 0].astype(np.int64)
         rows[:, 0] = where[numbers]
-        rows = rows[~(abs(rows[:, 2]) > abs(part.t[numbers]))]
+        rows = rows[~(abs(rows[:, 2]) > abs(ends.t[numbers]))]
         if columns is not None:
             flat = of_columns.reshape(len(of_columns), -1, *of_columns.shape[-2:])
             flat[:, where] = columns
@@ -144,19 +145,17 @@ class Sliding:
             trajectory = records.trajectory[hits]
             rank = np.arange(len(hits)) - np.searchsorted(trajectory, trajectory)
             last = hits[rank == most - 1]
-            stops, ends = records.trajectory[last], part.t.copy()
-            ends[stops], part.status[stops] = records.time[last], Status.STOPPED
-            later = times[:, np.newaxis] > abs(ends[stops])
+            stops = records.trajectory[last]
+            part.ends.t[stops], part.ends.status[stops] = records.time[last], Status.STOPPED
+            later = times[:, np.newaxis] > abs(records.time[last])
             for a in (part.states,) if columns is None else (part.states, columns):
                 a[:, stops] = np.where(
                     later[..., *(np.newaxis,) * (a.ndim - 2)], np.nan, a[:, stops]
                 )
-            bound = np.full(len(ends), len(records.time))
+            bound = np.full(len(part.ends.t), len(records.time))
             bound[stops] = last
-            kept = np.arange(len(records.time)) <= bound[records.trajectory]
-            records = records.selected(kept)
-            part = part._replace(records=records, t=ends)
-        return part
+            records = records.selected(np.arange(len(records.time)) <= bound[records.trajectory])
+        return part._replace(records=records)
 
     def texts(self) -> tuple[str, ...]:
         """Return the surfaces of modes as texts: surfaces of f, then of contacts."""
@@ -188,9 +187,8 @@ class Sliding:
         )
 
 
-def are_stuck(status: Any, at_rest: Any) -> Any:
+def are_stuck(result: SolverResult, at_rest: Any) -> Any:
     """Return the numbers of solutions that may slide, by their status, or rest at the start."""
-    if at_rest is None and not np.count_nonzero(status):  # as in most calls
-        return ()
-    ends = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES, Status.ENDED
-    return np.flatnonzero(np.isin(status, ends) | (False if at_rest is None else at_rest))
+    statuses = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES, Status.ENDED
+    may_slide = np.isin(result.all_ends.status, statuses)
+    return np.flatnonzero(may_slide | (False if at_rest is None else at_rest))

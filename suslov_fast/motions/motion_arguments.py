@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.flow.batch_solver import LEAST_RTOL, Settings
+from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
 from ..maps.kernel_arguments import flat_arrays
+from ..maps.kernel_calls import thread_count
+from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .integration import FELL, SolverResult
 
@@ -22,6 +25,8 @@ RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
+_FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
+_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of settings with a float and defaults
 # What solutions do that stop before the last time: the verb of a sentence about them.
 CAUSES = {
     Status.ENDED: (
@@ -69,7 +74,8 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
         return np.array([time]), -1 if time < 0.0 else 1
     if time.ndim > 1:
         raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
-    low, high = time.min(initial=0.0), time.max(initial=0.0)
+    numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
+    low, high = min(numbers, default=0.0), max(numbers, default=0.0)
     if low < 0.0 < high:
         how = "call flow twice, forward and backward"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
@@ -79,13 +85,19 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
 def checked_settings(system: Any, given: Settings) -> Settings:
     """Return the settings as plain numbers, for the engine and results; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # which raises
+    if [*map(type, given)] == _RTOL_ALONE:
+        return _settings(given, 0)  # for speed in small calls
+    return _settings.__wrapped__(given, system.dimension)
+
+
+@functools.lru_cache(64)
+def _settings(given: Settings, D: int) -> Settings:
     rtol = checks.real_number("rtol", given.rtol)
     if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
         raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(given.rtol))
     settings = given._replace(rtol=rtol)
     if given.atol is not None:
         atol: Any = checks.real_number("atol", given.atol)
-        D = system.dimension
         if not isinstance(atol, float) and atol.shape != (D,):
             raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
         if np.min(atol) < 0.0:
@@ -122,11 +134,27 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
+def request_of(time: Any, settings: Settings, threads: int | None) -> SolverRequest:
+    """Return the request of `flow` for checked settings: `time` and `threads` are checked here."""
+    if threads is None and type(time) in (float, int) and time:
+        return _at_one_time(time, settings)  # for speed in small calls
+    times, sign = checked_times(time)
+    return SolverRequest(times, sign, settings, thread_count(threads))
+
+
+@functools.lru_cache(64)
+def _at_one_time(time: float, settings: Settings) -> SolverRequest:
+    times, sign = checked_times(time)
+    return SolverRequest(read_only(times), sign, settings)
+
+
 def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
     """Return initial states (B, D) and the batch shape; `others` is the batch of event times."""
     x = checks.states("x0", x0, system._labels)
+    if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
+        return x[np.newaxis], ()
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
 
@@ -165,12 +193,11 @@ def warn_of_ends(
     causes: Mapping[Status, str] = CAUSES,
 ) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
-    if not np.count_nonzero(result.status):  # all but OK are negative
-        return
+    t, statuses = result.all_ends.t, result.all_ends.status
     # Where the closed form has no state, there is no time, and a warning was given before.
-    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(result.t))
+    texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
     for status, text in causes.items():
-        ends = exists & (result.status == int(status))
+        ends = exists & (statuses == int(status))
         if not ends.any() or (status == Status.TOO_MANY_STEPS and result.is_stopped):
             continue
         first = int(np.argmax(ends))
@@ -180,16 +207,16 @@ def warn_of_ends(
             text += (
                 " (atol=0 asks for digits that f may not have where a component passes 0: omit it)"
             )
-        texts.append(f"{count} {text}, first: trajectory {index} at t = {result.t[first]:.9g}")
+        texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
     if texts:
         checks.warn("; ".join(texts), IntegrationWarning)
 
 
 def warn_of_lost_components(result: SolverResult, batch: tuple[int, ...]) -> None:
     """Warn once of solutions with a component that has lost its digits, and would grow again."""
-    if not np.count_nonzero(result.doubtful):
+    doubtful = result.all_ends.doubtful
+    if not np.count_nonzero(doubtful):
         return
-    doubtful = result.doubtful
     index = spell(first_index(doubtful.reshape(batch) != 0))
     fell = "fell below 1e-300, where numbers lose their digits, and would grow again"
     ends = "lost its digits and grows again, and they end sooner if it has its digits"

@@ -82,8 +82,7 @@ def exponents_of(
     moving = np.setdiff1d(np.arange(field.dimension), left_out)
     exponents = np.full((len(starts), len(moving)), np.nan)
     if not len(moving):
-        result.status[:] = np.where(np.isnan(starts[:, 0]), Status.NONFINITE, Status.OK)
-        return exponents, result
+        return exponents, result.without_steps(np.isnan(starts[:, 0]))
     transient *= _LESS if actions else 1.0
     total, before, goes_on = transient + time, 0.0, True
     for where, f, table in groups:
@@ -101,7 +100,7 @@ def exponents_of(
         if goes_on and run.again.any():
             goes_on = run.repeat(x, transient, time, lambda done: told(total))
         exponents[where] = run.exponents()
-        result.t[where], result.status[where] = run.t, run.status
+        result.all_ends.t[where], result.all_ends.status[where] = run.t, run.status
         before += share * total
         if not goes_on:
             break

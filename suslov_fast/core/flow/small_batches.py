@@ -129,7 +129,9 @@ def solve_small_batch(f, table, x0, request):
         own = runner.table.copy() if f.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
-        columns = {name: a.astype(COLUMNS[name]) for name, a in runner.columns.items()}
+        columns = {}
+        for name, column in runner.columns.items():
+            columns[name] = column.astype(COLUMNS[name])
         found = states, columns, records, None
         if starts is not None:
             add_starts(f, starts, states, records)

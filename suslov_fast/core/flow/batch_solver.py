@@ -341,18 +341,19 @@ class StepRunner:
             table_bytes=table.strides[0], work=0, numbers=numbers.buffer_info()[0],
             components=address_of(components),
         ))  # fmt: skip
-        # The arguments point to all of these, and to the workspace of each integrator.
+        # The arguments point to all of these.
         self.rows, self.table, self.numbers, self.components = rows, table, numbers, components
-        self.at, self.records, self.works = self.arguments.buffer_info()[0], None, {}
+        self.at, self.records, self.known = self.arguments.buffer_info()[0], None, {}
         self.use(integrator)
 
     def use(self, integrator):
         """Let `take` take steps with this integrator, in a workspace of its own."""
-        if integrator not in self.works:
-            self.works[integrator] = zeros(integrator.work.size, self.W)
-        self.arguments[SLOT.work] = address_of(self.works[integrator])
-        self.integrator, self.budget = integrator, max(BUDGET // integrator.f.work, 1)
-        self.code = code_of(integrator, self.W, self.for_each)  # which lasts as long
+        if integrator not in self.known:
+            work, budget = zeros(integrator.work.size, self.W), max(BUDGET // integrator.f.work, 1)
+            code = code_of(integrator, self.W, self.for_each)
+            self.known[integrator] = work, address_of(work), code, budget
+        self.integrator = integrator
+        self.work, self.arguments[SLOT.work], self.code, self.budget = self.known[integrator]
         self.call = self.code.call
 
     def point_to(self, times, states, state_bytes):

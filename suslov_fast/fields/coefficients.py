@@ -113,13 +113,6 @@ def _sum(*parts: Polynomial) -> Polynomial:
     return total
 
 
-def _sum_of_products(*operands: Polynomial) -> Polynomial:
-    """Return the sum of the products of pairs; an odd operand, the first, is added."""
-    odd = len(operands) % 2
-    pairs = zip(operands[odd::2], operands[odd + 1 :: 2], strict=True)
-    return _sum(*(operands[:odd] or [{}]), *(_product(a, b) for a, b in pairs))
-
-
 def _difference(a: Polynomial, b: Polynomial) -> Polynomial:
     return _sum(a, {m: -c for m, c in b.items()})
 
@@ -145,8 +138,7 @@ def _power(a: Polynomial, exponent: Polynomial) -> Polynomial | None:
 
 
 _RULES: dict[str, Callable[..., Any]] = {
-    "fadd": _sum, "sum": _sum_of_products, "fsub": _difference, "fmul": _product, "fdiv": _quotient,
-    "pow": _power,
+    "fadd": _sum, "fsub": _difference, "fmul": _product, "fdiv": _quotient, "pow": _power
 }  # fmt: skip
 
 

@@ -32,7 +32,7 @@ def coefficients(f, table):
 
     for name, number, operands in f.f.operations:
         parts = [of(a) for a in operands]
-        if name in ("fadd", "sum"):
+        if name == "fadd":
             terms[number] = _sum(parts)
         elif name == "fsub":
             minus = np.array([[-1.0], [1.0]])

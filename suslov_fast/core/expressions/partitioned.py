@@ -123,13 +123,6 @@ def _kind_of(name, of):
         is_shifted = is_shifted or (degree == 2 and min(a.degree for a in of) == 0)
     elif name == "fmul":
         degree = 2 if bends else degree
-    elif name == "sum":
-        odd = len(of) % 2
-        pairs = [*zip(of[odd::2], of[odd + 1 :: 2], strict=True)]
-        if any(a.degree and b.degree for a, b in pairs):
-            degree = 2
-        degrees = [of[0].degree] * odd + [max(a.degree, b.degree) for a, b in pairs]
-        is_shifted = is_shifted or (degree == 2 and min(degrees) == 0)
     elif name in ("sin", "cos"):
         if has_exp:
             return None

@@ -39,7 +39,7 @@ class Matrix:
     """
 
     def __init__(self, indices, D, values, x, halves):
-        self.D, self.values, self.x = D, values, x
+        self.values, self.x = values, x
         self.linear, self.constant, self.entries = {}, {}, {}
         self.products = defaultdict(list)
         cross = []
@@ -115,7 +115,7 @@ class Factors:
         self.order, self.values = order, matrix.values
         self.diagonal, self.original, self.pivot, self.inverse = {}, {}, {}, {}
         self.lower, self.upper = {}, {}
-        self.fill, (self.before, self.after) = fill, before_and_after(order, fill)
+        self.before, self.after = before_and_after(order, fill)
         below = defaultdict(list)
         for i in order:
             for k in self.before[i]:

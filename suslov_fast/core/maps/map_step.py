@@ -8,7 +8,7 @@ import functools
 
 from ..cached import cached_property
 from ..expressions.numpy_evaluation import OF_TRUTH_VALUES
-from ..expressions.programs import Expressions, Program, Values, emitted
+from ..expressions.programs import Expressions, Program, Values, emitted, united
 from ..expressions.values import joined
 from .kahan_step import ExtendedStep
 
@@ -39,10 +39,8 @@ class MapStep(ExtendedStep):
         if work > MOST_WORK or len(f.f.operations) > LONGEST:
             return
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
-        lists = (f.fixed, f.f.operations, f.derivative.operations)[: 2 + columns]
-        operations = {each[1]: each for program in lists for each in program}
-        wanted = [*f.f.results, *(f.derivative.results if columns else ())]
-        found = emitted(values, Program([operations[k] for k in sorted(operations)], wanted), known)
+        programs = (Program(f.fixed, []), f.f, f.derivative)[: 2 + columns]
+        found = emitted(values, united(programs), known)
         # Constants are values, too: the state is made of their numbers.
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in found[:D])
         self.after = [*of_x, *range(D, size)]

@@ -177,7 +177,7 @@ def _by_cramer(
             return 1.0
         j, *others = columns
         cofactors = [minor((*rows[:k], *rows[k + 1 :]), (*others,)) for k in range(len(rows))]
-        parts = [_sum(iter([(whole[i][j], c)])) for i, c in zip(rows, cofactors, strict=True)]
+        parts = (_product(whole[i][j], c) for i, c in zip(rows, cofactors, strict=True))
         total = _sum(((-1.0) ** k, part) for k, part in enumerate(parts))
         return 0.0 if samples.is_zero(total) else total
 

@@ -319,10 +319,10 @@ class Field(Traced):
 
     @cached_property
     def _with_table(self) -> tuple[Any, FloatArray]:
-        terms = None if self._equations else self._own_terms.floats
-        if terms is None or not right_hand_sides.is_full(terms.indices, self.dimension):
-            return super()._with_table
-        return right_hand_sides.full_quadratic(*terms, self.dimension)
+        full = None
+        if not self._equations:
+            full = right_hand_sides.full_quadratic(self._own_terms.floats, self.dimension)
+        return full or super()._with_table
 
     @public
     def energy(self, x: Any) -> FloatArray:

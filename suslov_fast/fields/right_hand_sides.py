@@ -147,13 +147,10 @@ def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None
 
 def of_one(field: Any, wrt: Names, actions: Actions) -> tuple[Any, FloatArray]:
     """Return the right-hand side of a single field, and its parameters (P,); see `of_equations`."""
-    equations, inputs, D = field._equations, field._inputs, field.dimension
-    if equations is None:
-        places, _ = field._own_terms.floats
-        if is_full(places, D) and wrt is None and not actions:
-            return full_quadratic(places, inputs, D)
-        equations = equations_of(places.tobytes(), D)
-    return _with_inputs(equations, inputs, wrt, actions)
+    full = None
+    if field._equations is None and wrt is None and not actions:
+        full = full_quadratic(field._own_terms.floats, field.dimension)
+    return full or _with_inputs(field._program, field._inputs, wrt, actions)
 
 
 def _with_inputs(
@@ -182,24 +179,21 @@ def of_terms(terms: Terms, D: int, wrt: Names, actions: Actions) -> list[OfMembe
     for k, pattern in enumerate(patterns):  # the tests in a step depend on which terms there are
         members = np.flatnonzero(which.reshape(-1) == k)
         places, inputs = indices[:, pattern], rows[np.ix_(members, pattern)]
-        if is_full(places, D) and wrt is None and not actions:
-            f, table = full_quadratic(places, inputs, D)
-            groups.append(OfMembers(members, f, np.ascontiguousarray(table.T)))
+        full = full_quadratic(Terms(places, inputs), D) if wrt is None and not actions else None
+        if full:
+            groups.append(OfMembers(members, full[0], np.ascontiguousarray(full[1].T)))
         else:
             [each] = of_equations(equations_of(places.tobytes(), D), inputs.T, wrt, actions)
             groups.append(each._replace(members=members))
     return groups
 
 
-def is_full(places: Any, D: int) -> bool:
-    """Return True if there are so many terms (3, T) that loops evaluate the field."""
-    return _LONG < places.shape[1] > D**3 / 4
-
-
-def full_quadratic(places: Any, values: Any, D: int) -> tuple[DenseRightHandSide, FloatArray]:
-    """Return the right-hand side that loops evaluate, and its table (P, ...) of values (..., T)."""
+def full_quadratic(terms: Terms, D: int) -> tuple[DenseRightHandSide, FloatArray] | None:
+    """Return f, which loops evaluate, and its table (P, ...); None if there are few terms."""
+    if not _LONG < terms.indices.shape[1] > D**3 / 4:
+        return None
     f = _full(D)
-    return f, f.table_of(dense_parameters(places, values, D))
+    return f, f.table_of(dense_parameters(*terms, D))
 
 
 _full = lru_cache(16)(DenseRightHandSide)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from textwrap import shorten
 from typing import Any, ClassVar, Self
 
@@ -222,12 +223,9 @@ class Traced(Body):
             names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
             values = [summary(name, each) for name, each in self.parameters.items()]
             return f"<{kind}, a family of shape {self.shape}: {', '.join([names, *values])}>"
-        rows, length = [], 0
-        for name, formula in zip(self.names, self._formulas, strict=True):
-            rows.append(f"{name}{self._arrow} {formula}")
-            length += len(rows[-1])
-            if length > LONGEST:
-                break
+        named = zip(self.names, self._formulas, strict=True)
+        # More rows than these do not fit.
+        rows = [f"{a}{self._arrow} {formula}" for a, formula in islice(named, LONGEST // 4)]
         rows += [f"{name} = {value}" for name, value in self._numbers]
         return f"{kind}({shorten(', '.join(rows), LONGEST, placeholder=' ...')})"
 

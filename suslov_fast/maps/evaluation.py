@@ -42,14 +42,12 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
     axis = batch.index(length)
     width = max(length * PART // work, 1)
     where = [slice(0, n) for n in batch]
-    values: FloatArray | None = None
     for begin in range(0, length, width):
         where[axis] = slice(begin, min(begin + width, length))
         of_part = in_parts(compute, part_of(problem, tuple(where)))
-        if values is None:
+        if begin == 0:
             values = np.empty((*batch, *of_part.shape[len(batch) :]), of_part.dtype)
         values[tuple(where)] = of_part
-    assert values is not None
     return values
 
 

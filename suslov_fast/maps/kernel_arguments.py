@@ -13,7 +13,7 @@ from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
 from ..core.suslov.map_3d import BodySystem
-from ..core.suslov.map_nd import FAR_FROM_0, GaussSystem, NDSystem
+from ..core.suslov.map_nd import FAR_FROM_0, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -105,11 +105,6 @@ def nd_system(body: Any, eps: float) -> NDSystem:
     # A step tests its divisors if abs(eps I.x / 2) is larger than this.
     near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
-
-
-def gauss_system(body: Any, eps: float) -> GaussSystem:
-    """Return the constants of a single body in n dimensions for steps by elimination."""
-    return GaussSystem(*nd_system(body, eps))
 
 
 def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:

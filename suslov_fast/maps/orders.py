@@ -14,7 +14,6 @@ from .kernel_arguments import (
     by_scheme,
     by_zeros,
     field_system,
-    gauss_system,
     map_system,
     nd_system,
 )
@@ -49,7 +48,9 @@ STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step, wit
     notes_poles=True,
 )
 GAUSS = STEPS_ND._replace(  # the same map by elimination
-    kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=gauss_system
+    kernel=steps_nd.gauss_steps,
+    cost=lambda D, arguments: D**3 / 3.0,
+    system=lambda body, eps: steps_nd.GaussSystem(*nd_system(body, eps)),
 )
 
 

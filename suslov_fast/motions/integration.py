@@ -83,8 +83,7 @@ class Records(NamedTuple):
 
     def selected(self, marked: NDArray[np.bool_]) -> Records:
         """Return the records that are marked (K,)."""
-        arrays: Any = (None if a is None else a[marked] for a in self)
-        return Records(*arrays)
+        return Records._make(None if a is None else a[marked] for a in self)
 
     def part(self, where: NDArray[np.int64]) -> Records:
         """Return records of trajectories `where` (K,), ascending, with their places in `where`."""
@@ -100,10 +99,8 @@ class Records(NamedTuple):
         if not len(part.time):
             return others
         trajectory = np.concatenate([others.trajectory, part.trajectory])
-        order = np.argsort(trajectory, kind="stable")
-        both: Any = zip(others, part, strict=True)
-        both = (None if a is None else np.concatenate([a, b])[order] for a, b in both)
-        return Records(*both)
+        order, both = np.argsort(trajectory, kind="stable"), zip(others, part, strict=True)
+        return Records._make(a if a is None else np.concatenate([a, b])[order] for a, b in both)
 
 
 class Rows(NamedTuple):
@@ -139,11 +136,6 @@ class Ends(NamedTuple):
     doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
     repeated: NDArray[np.int8]  # (B,), 1 if small components made it compute again, else 0
 
-    def part(self, where: NDArray[np.int64]) -> Ends:
-        """Return the ends of trajectories `where` (K,)."""
-        parts: Any = (a[where] for a in self)
-        return Ends(*parts)
-
 
 class SolverResult(NamedTuple):
     """The result of the engine for B trajectories."""
@@ -161,20 +153,18 @@ class SolverResult(NamedTuple):
         return self.ends or Ends(np.full(B, np.nan), *np.zeros((3, B), np.int8))
 
     def without_steps(self, has_no_value: NDArray[np.bool_]) -> SolverResult:
-        """Return this result, of trajectories (B,) that need no steps or have no value at x0."""
+        """Return this result for trajectories that need no steps, or have no value at x0 (B,)."""
         result = self._replace(ends=None)
-        if not has_no_value.any():
-            return result
         ends = result.all_ends
         ends.status[has_no_value] = Status.NONFINITE
-        return result._replace(ends=ends)
+        return result._replace(ends=ends) if has_no_value.any() else result
 
     def part(self, where: NDArray[np.int64]) -> SolverResult:
         """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
         return self._replace(
             states=self.states[:, where],
             columns={name: column[where] for name, column in self.columns.items()},
-            ends=self.ends and self.ends.part(where),
+            ends=self.ends and Ends._make(a[where] for a in self.ends),
             records=self.records and self.records.in_order().part(where),
         )
 

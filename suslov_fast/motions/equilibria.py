@@ -278,7 +278,7 @@ def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
     """
     square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
     along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
-    return np.where(square > 0, along * direction, x)  # without a direction all are steady
+    return np.where(square > 0, along * direction, x)  # if it is 0, all states are steady
 
 
 class _Equations:
@@ -343,11 +343,11 @@ class _Equations:
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
 
     def without_totals(self, slopes: FloatArray, is_map: bool) -> FloatArray:
-        """Return f', `slopes`, in which eigenvalues 0 that integrals cause become negative."""
+        """Return f', `slopes`, with negative numbers for eigenvalues 0 that integrals cause."""
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
-        size = 1.0 if is_map else size  # the multiplier 0, or an eigenvalue
+        size = 1.0 if is_map else size  # multipliers become 0, at any size of f'
         return along @ slopes @ along - size * (one - along)
 
     @cached_property
@@ -439,8 +439,8 @@ class _Equations:
                 return y, True
         return last, bool(self.is_zero(last))
 
-    def beside(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return two masks: Newton's method converges from beside y, and y belongs to a family.
+    def near(self, y: FloatArray) -> tuple[Any, Any]:
+        """Return two masks: Newton's method converges from near y, and y belongs to a family.
 
         A component far below the others may be a true value or rounding. So a smaller displacement
         of such components is tried, too.
@@ -468,7 +468,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
         is_found = np.array(is_found | too | is_zero)
     for index in map(tuple, np.argwhere(f_is_finite & ~is_found)):
         y[index], is_found[index] = equations.member(index).by_scipy()
-    leads, is_family = equations.beside(y)
+    leads, is_family = equations.near(y)
     if (is_multiple := is_found & ~leads).any():  # small components may have no digits yet
         closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
         y = np.where(is_multiple[..., np.newaxis], closer, y)
@@ -477,7 +477,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
 
 
 def _totals(C: FloatArray) -> FloatArray:
-    """Return a matrix (k, k) with the rows c of integrals c . x of f, and rows 0.
+    """Return a matrix (k, k): a row has the coefficients c of an integral c . x of f, or is 0.
 
     A row c is in the place of an equation that follows from the others. `C` (k, terms) are the
     coefficients of the terms of f.
@@ -486,12 +486,12 @@ def _totals(C: FloatArray) -> FloatArray:
     totals = np.zeros((k, k))
     if not C.any():
         return np.eye(k)
-    if not np.isfinite(C).all():  # of a parameter without a value
+    if not np.isfinite(C).all():  # because a parameter has no value
         return totals
     _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
     free = rows[int((values > _RANK * values[0]).sum()) :]
     pivots = []
-    for i in range(len(free)):  # in echelon form, so that totals of other sizes do not mix
+    for i in range(len(free)):  # in echelon form, so that integrals of other sizes do not mix
         pivots.append(int(abs(free[i]).argmax()))
         free[i] /= free[i, pivots[i]]
         others = np.arange(len(free)) != i
@@ -505,7 +505,7 @@ def _length(step: FloatArray, scale: FloatArray) -> Any:
 
 
 def _eigenvalues(slopes: FloatArray, of_map: bool) -> Any:
-    """Return eigenvalues of f', `slopes`, by real part; of a map with f' - 1, multipliers."""
+    """Return eigenvalues of f', `slopes`; or with f' - 1 of a map the multipliers of the map."""
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))

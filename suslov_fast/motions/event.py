@@ -120,7 +120,7 @@ class Event:
     _: KW_ONLY
     terminal: bool = False
     direction: int | str = "both"
-    times: Any = None  # so that type checkers ask for no test of None
+    times: Any = None  # `Any`, so that type checkers ask for no test of None
     most: int | None = None
     _definitions: Mapping[str, str] = field(init=False, default_factory=dict)
     _traced: dict[Any, TracedEvent] = field(init=False, default_factory=dict)
@@ -137,7 +137,7 @@ class Event:
         if to in ("up", "down", "both"):
             raise wrong("to", _NEW_STATE, f"{to!r}: pass direction={to!r}")
         to = to.tolist() if isinstance(to, np.ndarray) else to
-        to = [to] if isinstance(to, (str, int, float)) else to  # of one variable
+        to = [to] if isinstance(to, (str, int, float)) else to  # for a single variable
         if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
             to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
         elif to is not None and not callable(to):
@@ -249,7 +249,7 @@ def _with_values(f: Any, known: dict[int, Any]) -> Any:
     Functions of the same file that it calls are copied, too; `known` has the copies by id. Any
     other object is returned as it is.
     """
-    f = getattr(f, "py_func", f)  # if Numba compiled f
+    f = getattr(f, "py_func", f)  # the function that Numba has compiled
     if not isinstance(f, FunctionType):
         return f
     if id(f) in known:
@@ -273,7 +273,7 @@ def _with_values(f: Any, known: dict[int, Any]) -> Any:
 
 
 def _names_in(code: CodeType) -> set[str]:
-    """Return the names that a function, and functions inside it, may look up."""
+    """Return the outside names that a function, and functions inside it, may use."""
     inner = (each for each in code.co_consts if isinstance(each, CodeType))
     return {*code.co_names}.union(*map(_names_in, inner))
 

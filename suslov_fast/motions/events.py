@@ -245,24 +245,25 @@ def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
 
 def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
     """Warn of events at given times, all of which are outside the times `asked` of a motion."""
-    for k, event in enumerate(events if len(asked) else ()):
-        if event.times is None:
+    last = abs(asked).max(initial=0.0)
+    for k, event in enumerate(events):
+        if event.times is None or not len(asked):
             continue
-        last, times = abs(asked).max(), event.times[np.isfinite(event.times)]
-        if not times.size or ((sign * times >= 0.0) & (abs(times) <= last)).any():
-            continue
-        warn(
-            f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, count "
-            f"from x0 as those of the motion do, which ends at {sign * last:g}"
-        )
+        times = event.times[np.isfinite(event.times)]
+        if times.size and not ((sign * times >= 0.0) & (abs(times) <= last)).any():
+            warn(
+                f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, "
+                f"count from x0 as those of the motion do, which ends at {sign * last:g}"
+            )
 
 
 def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
     """Return which states x0 (..., D) rest on a surface that acts, and the event; or None, None.
 
-    A state rests on a surface if the rate of the surface function is 0 there, and the motion would
-    cross it next. The rate follows from values near x0 along f, on both sides, and the crossing
-    from the value after a midpoint step. If an event at time 0 may change x0, no state rests.
+    A state rests on a surface if the rate of the surface function is 0 there, and the motion then
+    leaves the surface in a direction of the event. The rate follows from values near x0 along f, on
+    both sides, and the direction from the value after a midpoint step. If an event at time 0 may
+    change x0, no state rests.
     """
     if any(event.times is not None and (event.times == 0.0).any() for event in events):
         return None, None

@@ -210,12 +210,12 @@ def solved(
             part = Sliding(body._field, x, batch, where, request, events)
             result, of_columns, phases = part.continued(result, of_columns, names, at_rest)
         if report is not None and total and not result.is_stopped:
-            report(total)  # the engine counts neither a time twice nor states after an end
+            report(total)  # the engine counts equal times once, and no states after an end
     if len(times) == 1:
         last = times.reshape(())
     else:
         last = np.array(request.sign * abs(times).max(initial=0.0))
-    status = again = nothing_of(batch)
+    status = again = zeros_of(batch)
     end = np.full(batch, last) if batch else last
     if result.ends is not None:
         warn_of_ends(result, x, batch, settings.atol)
@@ -245,8 +245,8 @@ _named = lru_cache(64)(Settings._asdict)
 
 
 @lru_cache(64)
-def nothing_of(batch: tuple[int, ...]) -> NDArray[np.int8]:
-    """Return zeros that nobody can write to, so that results share them."""
+def zeros_of(batch: tuple[int, ...]) -> NDArray[np.int8]:
+    """Return zeros of the shape `batch`, read-only, so that results can share them."""
     return read_only(np.zeros(batch, np.int8))
 
 
@@ -256,7 +256,7 @@ def motion_of(
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
     if isinstance(system, Field):
         return to_tolerance(system._right_hand_sides, system.shape, x, batch, request)
-    is_exact = system._is_solved  # True, or for each member
+    is_exact = system._is_solved  # one truth value, or one for each member
     if np.all(is_exact):
         return _exact(system, x, batch, request)
     if not np.any(is_exact):

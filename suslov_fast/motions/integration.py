@@ -22,15 +22,14 @@ from ..maps.kernel_arguments import ALL
 from ..maps.kernel_calls import available
 from ..status import Status
 
-# Trajectories from which on threads are started, unless the user gives their number.
-_IN_THREADS = 64
-_LONG = 30_000  # operations of f whose compiling takes long
-_LARGE = 50  # equations with a dense f', from which on LSODA is faster: measured on rate networks
+_IN_THREADS = 64  # the most trajectories that one thread takes, unless the user asks for threads
+_LONG = 30_000  # the most operations of f that compile in a short time
+_LARGE = 50  # with a dense f', LSODA is faster for more equations: measured on rate networks
 _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
-# Why digits are in doubt: a component fell below 1e-300, or with relative digits there is no end.
+# Why digits are in doubt: a component fell below 1e-300; or the solution ends sooner if small
+# components have relative digits.
 FELL, NO_DIGITS = np.int8(1), np.int8(2)
-# Numbers in states of several trajectories up to which `solve_small_batch` keeps their memory.
-_FEW = 256
+_FEW = 256  # the most numbers in states of several trajectories that are a small batch
 
 
 @lru_cache(64)
@@ -71,7 +70,7 @@ class Records(NamedTuple):
     states_by: Any = None
 
     def in_order(self) -> Records:
-        """Return these records, as `Rows.in_order` returns its own."""
+        """Return these records, which are in order; `Rows` have this method, too."""
         return self
 
     def first(self, most: float) -> Records:
@@ -121,7 +120,7 @@ class Rows(NamedTuple):
             rows = np.take(rows, order, axis=0)
         trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
         if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
-            # Several in a step may be in another order. It takes many times as long.
+            # Several events in a step may be in another order. This sort takes many times as long.
             rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
         trajectory, which = rows[:, :2].view(np.int64).T.copy()
         before, states, others = (a.copy() for a in np.split(rows[:, 3:], (first - 3, last - 3), 1))
@@ -335,7 +334,7 @@ def _again(
 
 
 def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> SolverRequest:
-    """Return the request of trajectories `where`."""
+    """Return the request for some trajectories, with another function `report`."""
     event_times = request.event_times and request.event_times.of(where)
     return request._replace(report=report, event_times=event_times)
 

@@ -18,15 +18,15 @@ from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .integration import FELL, SolverResult
 
-_MOST = 1e-2  # of rtol
+_MOST = 1e-2  # the largest rtol
 # The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
 # means nothing, also if the user passed 1e-9.
 RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
-_FEW = 64  # numbers, of which Python finds the largest sooner than NumPy
-_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of settings with a float and defaults
+_FEW = 64  # the most numbers of which Python finds the largest sooner than NumPy
+_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types in settings with a float rtol alone
 # What solutions do that stop before the last time: the verb of a sentence about them.
 CAUSES = {
     Status.ENDED: (
@@ -84,7 +84,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
 
 def checked_settings(system: Any, given: Settings) -> Settings:
     """Return the settings as plain numbers, for the engine and results; TypeError for a `Map`."""
-    _ = system._has_eps or system._field  # which raises
+    _ = system._has_eps or system._field  # which raises for a `Map`
     if [*map(type, given)] == _RTOL_ALONE:
         return _settings(given, 0)  # for speed in small calls
     return _settings.__wrapped__(given, system.dimension)

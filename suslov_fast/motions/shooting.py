@@ -30,8 +30,11 @@ _ROUNDS, _HALVINGS = 60, 10  # most steps of Newton's method, and halvings of a 
 # Singular values below this part of the largest one, or below the residual, belong to directions
 # along a family of orbits.
 _LEAST = 1e-8
-_LONGEST = 0.3  # step of log T
-_CORRECTIONS, _LEAST_CHANGE = 5, 1e-6  # of T before Newton's steps: how many, and relative sizes
+_LONGEST = 0.3  # the longest step of log T
+_CORRECTIONS, _LEAST_CHANGE = (
+    5,
+    1e-6,
+)  # of T before Newton's steps: how many, and their relative sizes
 _ARCS = 1, 4, 16  # numbers of arcs that are tried
 _GROWTH = 1e3  # of derivatives along an arc; if it is larger, more arcs are tried
 # The residual of a solution, in units of rtol and of the growth of derivatives; and its limit.
@@ -41,7 +44,7 @@ _ROUNDING = 2.0**-49  # rounding error of T, which matters where states change f
 _STRONG = 1e3  # weight of the equation that keeps the phase
 _LOOKS = 512  # states of a motion that are compared with the start
 _OF_FORCE = 1e-6  # relative difference of two motions that are the same up to errors
-_FRACTIONS = np.arange(1, 32) / 32  # of the period, at which forces are compared
+_FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
 # The longest time until a near return, in units of |x / f(x)|, and how often it is halved for the
 # first search.
 _LAST, _DOUBLINGS = 2.0**16, 28
@@ -101,7 +104,7 @@ class FieldFlow:
             self._solved(each, [period / 32]).states[0, :, moving] for each in (states, later)
         )
         change = abs(now - states[:, moving].T).max(axis=1, keepdims=True)
-        return not (abs(then - now) > _OF_FORCE * change).any()  # where there is a number
+        return not (abs(then - now) > _OF_FORCE * change).any()  # NaN is no difference
 
     def between_events(self, x: FloatArray, T: float) -> FloatArray:
         """Return the state in the middle of the longest time without events, from x to time 2 T.

@@ -152,8 +152,8 @@ class _Run:
             f.is_dense or f.products or f.branches or f.events
         )
         self.has_frames = np.full(len(x), has_frames)
-        self.count = np.zeros(len(x), np.int64)  # of segments
-        self.passed = np.zeros(len(x), np.int64)  # times of events
+        self.count = np.zeros(len(x), np.int64)  # how many segments
+        self.passed = np.zeros(len(x), np.int64)  # how many given times of events
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
         slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)

@@ -161,7 +161,7 @@ class Page:
         document.title = "suslov_fast"
         document.add_root(equations)
         controls = column(row(*choices), *sliders, reset, message, width=_WIDTH + 10)
-        parts = [controls, plane, over_time]  # in a narrow window one below the other
+        parts = [controls, plane, over_time]  # one below the other in a narrow window
         wraps = {"flex-wrap": "wrap"}
         document.add_root(row(parts, sizing_mode="stretch_width", styles=wraps))
 
@@ -246,7 +246,7 @@ def serve(page: Page, port: int) -> None:
     from bokeh.server.server import Server
 
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    is_notebook = hasattr(shell, "kernel")  # whose loop runs
+    is_notebook = hasattr(shell, "kernel")  # with an event loop that runs already
     loop = checks.extra("tornado.ioloop", "explore").IOLoop.current() if is_notebook else None
     server = Server({"/": page}, loop, port=port, address="localhost")
     server.start()

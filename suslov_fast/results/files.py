@@ -24,7 +24,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     from .. import __version__
 
     others = "to_dataframe().to_csv(path) and to_xarray().to_netcdf(path) write other formats"
-    # A link stays, and its target is written.
+    # A symbolic link stays, and the file that it leads to is written.
     target = Path(os.path.realpath(_checked(path, others)))
     if not isinstance(overwrite, bool):
         raise wrong("overwrite", "True or False", short(overwrite), TypeError)
@@ -76,7 +76,7 @@ def load(path: PathLike) -> Any:
 
 
 def _read(entries: Any, kind: str, about: Any) -> dict[str, Any]:
-    """Return the attributes of a result."""
+    """Return the attributes of a result from the entries of its file."""
     values = {name: about[name] for name in ARGUMENTS[kind]}
     # JSON has no tuples.
     attributes: dict[str, Any] = {

@@ -104,7 +104,7 @@ def table(result: Any) -> Any:
 
 
 def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
-    """Return the columns of a run or a motion, and its states, trajectory by trajectory."""
+    """Return columns for a table of a run or motion, and its states, trajectory by trajectory."""
     N, batch = len(run.states), run.status.shape
     columns: dict[str, Any] = {}
     if batch:

@@ -34,7 +34,7 @@ _LONGEST = 0.3  # the longest step of log T
 _CORRECTIONS, _LEAST_CHANGE = (
     5,
     1e-6,
-)  # of T before Newton's steps: how many, and their relative sizes
+)  # of T before Newton's steps, at most and at least
 _ARCS = 1, 4, 16  # numbers of arcs that are tried
 _GROWTH = 1e3  # of derivatives along an arc; if it is larger, more arcs are tried
 # The residual of a solution, in units of rtol and of the growth of derivatives; and its limit.

@@ -163,14 +163,14 @@ def limits(problem: Problem) -> list[FloatArray]:
     root = np.where(is_known, np.sqrt(square), np.nan)
     root = np.where(eps < 0.0, -root, root)
     fixed = (ell == 0.0) | (w1 == 0.0) & (w2 == 0.0)
-    found = []
+    both = []
     for sign in (1.0, -1.0):
         v1, v2 = closed.steady.of_arrays(g1, g2, h1, h2, -k, sign * root)
         v1, v2 = np.where(fixed, w1, v1 * per_g), np.where(fixed, w2, v2 * per_g)
         undefined = (ell == 0.0) & (abs(1.0 + sign * Y) < 2.0 * map_3d.ZERO_TO_ROUNDING)  # 0 / 0
         limit = (np.where(undefined, np.nan, v * unit) for v in (v1, v2))
-        found.append(_vectors(problem, *limit))
-    return found
+        both.append(_vectors(problem, *limit))
+    return both
 
 
 @np.errstate(all="ignore")

@@ -9,17 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import (
-    OTHERS,
-    FloatArray,
-    common_shape,
-    first_index,
-    real_array,
-    states,
-    warn,
-    within,
-    wrong,
-)
+from .. import checks
+from ..checks import FloatArray, wrong
 from ..core.cached import cached_property
 from ..fields.exact_numbers import numbers
 from ..fields.field import Field
@@ -73,7 +64,7 @@ class SuslovND(Suslov):
     rotation: Any = field(default=None, init=False)
 
     _axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1, "rotation": 2}
-    _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
+    _positive: ClassVar[dict[str, int]] = {"J": checks.OTHERS}
     _meaning: ClassVar[str] = (
         ", of n - 1 numbers J_i = I_ii + I_nn and n - 1 couplings I_in of a mass tensor, as 1.3, "
         "2.1, 3.7 and 0.4, -0.7, 0.5; from_mass_tensor(I) takes the tensor, and "
@@ -89,9 +80,9 @@ class SuslovND(Suslov):
         # The mass tensor is positive, so that I_in**2 < I_ii I_nn <= J_i**2 / 4.
         beyond = abs(self.I) > 0.5 * self.J
         if beyond.any():
-            i = first_index(beyond)[-1] + 1
+            i = checks.first_index(beyond)[-1] + 1
             how = "no body has these numbers; were J and I exchanged?"
-            warn(f"I: I_{i} exceeds J_{i} / 2, half of I_ii + I_nn: {how}")
+            checks.warn(f"I: I_{i} exceeds J_{i} / 2, half of I_ii + I_nn: {how}")
 
     @cached_property
     def dimension(self) -> int:
@@ -115,7 +106,8 @@ class SuslovND(Suslov):
     def _field(self) -> Field:
         parts = (numbers(name, each, bool(self.shape)) for name, each in self.parameters.items())
         places, values = self._terms_of(*parts)
-        terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
+        values = checks.within("J and I", values, checks.OTHERS)
+        terms = collected(places, values, self.dimension, 2)
         return Field._of_terms(terms, self._labels)
 
     @property
@@ -200,15 +192,16 @@ class SuslovND(Suslov):
         body = SuslovND._of({"J": J, "I": I})
 
         def to_reduced(omega: ArrayLike) -> FloatArray:
-            given = states("omega", omega, labels_of)
-            common_shape({"body": self.shape, "omega": given.shape[:-1]})
+            given = checks.states("omega", omega, labels_of)
+            checks.common_shape({"body": self.shape, "omega": given.shape[:-1]})
             return parts.states(given, size)
 
         def from_reduced(x: ArrayLike, omega: ArrayLike) -> FloatArray:
-            found, given = states("x", x, body._labels), states("omega", omega, labels_of)
-            shapes = {"x": found.shape[:-1], "omega": given.shape[:-1]}
-            common_shape({"body": self.shape, **shapes})
-            return parts.back(found, given)
+            coordinates = checks.states("x", x, body._labels)
+            given = checks.states("omega", omega, labels_of)
+            shapes = {"x": coordinates.shape[:-1], "omega": given.shape[:-1]}
+            checks.common_shape({"body": self.shape, **shapes})
+            return parts.back(coordinates, given)
 
         return body, to_reduced, from_reduced
 
@@ -248,7 +241,7 @@ class SuslovND(Suslov):
         >>> SuslovND.from_mass_tensor([[1, 0, 0.4], [0, 2, -0.7], [0.4, -0.7, 3]])
         SuslovND(J=[4.0, 5.0], I=[0.4, -0.7])
         """
-        given = real_array("I", I)
+        given = checks.real_array("I", I)
         n = (0, *given.shape)[-1]
         if n < 2:
             raise wrong("I", "have the shape (..., n, n) with n > 1", given.shape)

@@ -49,11 +49,12 @@ class Reduction:
 
     def _in_each(self, combine: np.ufunc, values: Any) -> FloatArray:
         """Return for each index the sum, or another combination, of values in its eigenspace."""
-        found = np.broadcast_to(values, (*_common(values, self.first), self.first.shape[-1]))
-        first = np.broadcast_to(self.first, found.shape)
-        total, m = np.zeros(found.shape), found.shape[-1]
-        places = m * np.arange(found.size // m).repeat(m) + first.ravel()
-        combine.at(total.reshape(-1), places, found.ravel())
+        m = self.first.shape[-1]
+        values = np.broadcast_to(values, (*_common(values, self.first), m))
+        first = np.broadcast_to(self.first, values.shape)
+        total = np.zeros(values.shape)
+        places = m * np.arange(values.size // m).repeat(m) + first.ravel()
+        combine.at(total.reshape(-1), places, values.ravel())
         return np.take_along_axis(total, first, axis=-1)
 
     def _chosen(self, of_u: Any, of_r: Any, size: int) -> FloatArray:

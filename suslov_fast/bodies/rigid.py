@@ -140,15 +140,13 @@ class Suslov3D(Suslov):
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
 
+        Its inertia tensor is positive definite, and its principal moments obey the triangle
+        inequality.
+
         Returns
         -------
         low, high : ndarray(float, shape=(...))
             The ends of the open interval, in the unit of I1; NaN if no body has these parameters.
-
-        Notes
-        -----
-        The inertia tensor has to be positive definite, and its principal moments have to obey the
-        triangle inequality.
 
         Examples
         --------

@@ -87,10 +87,7 @@ def _free_old():
 
 
 def _compile(text, name, level, lasts):
-    """Compile `text` at LLVM's optimisation `level`; return the `Address` of its function `name`.
-
-    If `lasts` is true, the engine of the code is never dropped.
-    """
+    """Return the `Address` of the function `name` in `text`, compiled at an optimisation level."""
     module = binding.parse_assembly(text)
     kind = level, lasts
     if kind in _engines:

@@ -608,10 +608,9 @@ class Code:
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
 
     def carry_out(self, operations, values, load):
-        """Add `operations`, which are (instruction, number of the value, operands), to the text.
+        """Add `operations` (instruction, number of the value, operands); `values` gets the results.
 
-        `values` is {number: name of the value}, and receives the results. load(number) returns the
-        name of a value that it lacks.
+        `values` is {number: name}; load(number) returns the name of a value that it lacks.
         """
         M = self.M
         for instruction, number, operands in operations:
@@ -685,10 +684,7 @@ class Code:
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
     def _of_large_angles(self, name, value):
-        """Return sin, cos or tan (`name`) of %x0, the argument of the function in this text.
-
-        It is from the C library in lanes where abs(%x0) >= LARGE_ANGLE, and `value` in others.
-        """
+        """Return sin, cos or tan of %x0: `value`, but that of the C library where %x0 is large."""
         is_large = abs(Value(self, "%x0")) >= LARGE_ANGLE
         self.declared.add(f"declare double @{name}(double)")
 

@@ -171,10 +171,7 @@ def solve_rows(a):
 
 @c_function
 def solve_at(indices, half, x, memory, D, T):
-    """Take the step of a state in place, as `solve_lane`; return -status, plus 256 if det A < 0.
-
-    All arguments except D and T are addresses; `memory` is for D (D + 3) numbers.
-    """
+    """Take the step of a state, by addresses of arrays; return -status, plus 256 if det A < 0."""
     status, negative = solve_lane(
         array_at(indices, (3, T), np.int64),
         array_at(half, (T,), np.float64),
@@ -187,10 +184,7 @@ def solve_at(indices, half, x, memory, D, T):
 
 @function
 def prepare(field, i, l, halves, coefficients):
-    """Write h v of trajectory i to lane l of two arrays of a `Memory`, for the terms of a `Dense`.
-
-    h is eps / 2 times the fraction of the stage.
-    """
+    """Write the h v of trajectory i to lane l of two arrays of a `Memory`, with h = eps / 2."""
     values = field.values[i % len(field.values)]
     half = 0.5 * field.eps[i % len(field.eps)]
     for s in range(len(field.fractions)):
@@ -201,10 +195,7 @@ def prepare(field, i, l, halves, coefficients):
 
 @kernel
 def take_dense_steps(part, parts, field, memory, span, output):
-    """Take part `part` of `parts` of the steps of a `Span`, from `output.final` on.
-
-    `field` is a `Dense`, `memory` a `Memory`. `take_dense` explains `carry`.
-    """
+    """Take part `part` of `parts` of the steps of a `Span`, for `Dense` fields."""
     field, memory, output = uncounted((field, memory, output))
     saved, final, carry, status, failed_at = output
     begin, end, start, stop, every, row = span

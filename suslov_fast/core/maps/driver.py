@@ -125,20 +125,13 @@ class _Driver:
                 text.leave(f"i64 {DONE}")
 
     def others(self, bits, line, marks):
-        """Return an integer: bits of the lanes of a line that are neither in `bits` nor marked.
-
-        `marks` is the address of marked lanes, such as ended ones: a byte of bits for each line.
-        """
+        """Return bits of the lanes of a line that are neither in `bits` nor marked in `marks`."""
         marked = self.text.load("i8", marks + line, 1)
         marked = Index(self.text, self.text.new(f"zext i8 {marked} to i64"))
         return (bits | marked) ^ self.all_lanes
 
     def call_pivoting(self, line, bad, signs, n):
-        """Add a call of `pivoting_step` for stage n, or a return of NOT_READY if its address is 0.
-
-        Bits of `bad` are lanes that need it. Bits of `signs` are lanes with det A < 0, and from bit
-        CHANGED on lanes in which a component changed its sign.
-        """
+        """Add a call of `pivoting_step`, or a return of NOT_READY if its address is 0."""
         text, of = self.text, self.of
         with text.when(of.pivoting_step.equals(0)):
             text.leave(f"i64 {NOT_READY}")
@@ -146,10 +139,7 @@ class _Driver:
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
     def take_stage(self, state, table, line, n):
-        """Add the code of stage n of a line, which replaces its state; return the next state.
-
-        `state` and `table` are addresses: of the state, and of values from parameters alone.
-        """
+        """Add the code of stage n of a line at the address `state`; return its next state."""
         text, step, rows = self.text, self.step, self.text.array(state)
         if self.for_each:
             table = table + line * (len(step.table) * text.size)
@@ -163,10 +153,7 @@ class _Driver:
         return final
 
     def take_rare_stage(self, stage, rows, line, n):
-        """Add the rare operations of stage n, and pivoting if needed; return the next state.
-
-        `stage` is the `Stage` after its usual operations, and `rows` is the state in memory.
-        """
+        """Add the rare operations of stage n, and pivoting if needed; return the next state."""
         text, components = self.text, range(self.D)
         # Loaded and computed again, so that the registers of usual lines need not be stored.
         x = [rows[i] for i in components]
@@ -186,10 +173,7 @@ class _Driver:
         return text.otherwise((bad | signs).equals(0), after, with_pivoting)
 
     def end_lanes(self, stage, rows, line, n):
-        """Add code that ends trajectories where f of a map has no value; return the next state.
-
-        `stage` is the `Stage` of step n after its operations, and `rows` is the state in memory.
-        """
+        """Add code that ends trajectories where f of a map has no value; return the next state."""
         text, of, one = self.text, self.of, self.text.lanes(1)
         with text.when(of.status.equals(0)):
             text.leave(f"i64 {NOT_READY}")

@@ -212,10 +212,7 @@ class Step:
         self.rare = [operation for operation in others if operation[1] in rare]
 
     def table_of(self, halves):
-        """Return the n values (n, ...) that steps read and that depend on parameters alone.
-
-        `halves` (T, ...) are eps v / 2 of the T terms v x_j x_k.
-        """
+        """Return the values (n, ...) of parameters alone that steps read; `halves`: eps v / 2."""
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)

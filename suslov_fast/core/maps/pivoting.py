@@ -36,10 +36,7 @@ def fill_system(indices, half, sign, x, system):
 
 @function
 def solve_lane(indices, half, x, system, units):
-    """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0.
-
-    `system` (D, D + 1) and `units` (2, D) are memory.
-    """
+    """Replace x by x_next, NaN if there is none; return the status, and True if det A < 0."""
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
     for i in range(D):
@@ -63,10 +60,7 @@ def crosses_0(x, after):
 
 @function
 def changes_sign(indices, x, after):
-    """Return True if a component that keeps its sign along the motion changes it from x to `after`.
-
-    x_i keeps its sign if all terms of f_i contain it.
-    """
+    """Return True if an x_i changes its sign in a step, although all terms of f_i contain it."""
     for i in range(len(x)):
         if crosses_0(x[i], after[i]):
             keeps = True

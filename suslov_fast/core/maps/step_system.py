@@ -23,10 +23,7 @@ from .stage_code import text_of_stage
 
 @functools.lru_cache(PLANS)
 def _prepared(step, stages, eps, values, saves):
-    """Return a step's code, its `DriverArguments`, and arrays that must stay alive.
-
-    `eps` and `values` are bytes, so that they can be keys of the cache.
-    """
+    """Return a step's code, its `DriverArguments`, and arrays that must stay alive."""
     table = common_table(step, stages, eps, values)[1]
     plan = plan_of(stages, table)
     numbers = DriverArguments(
@@ -84,10 +81,7 @@ class FieldSystem(NamedTuple):
 
 
 def system_of(indices, half, D):
-    """Return a field and a step size, for compiled loops, as a `FieldSystem`.
-
-    `indices` (3, T) are i, j, k of terms v x_j x_k of f_i; `half` (stages, T) is v eps_stage / 2.
-    """
+    """Return a field and a step size, for compiled loops; `half` (stages, T) is v eps_stage / 2."""
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
     # The code lasts, because users may store the system anywhere.

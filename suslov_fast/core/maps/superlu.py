@@ -13,10 +13,7 @@ from .kahan_step import SIGNIFICANT
 
 
 def take(arguments, states, span, output, abandoned):
-    """Take the steps of a `Span`, beginning with `states`; all trajectories of `output` take them.
-
-    `arguments` are a `Scheme`, values and eps. End early if `abandoned` is not empty.
-    """
+    """Take the steps of a `Span` from `states`; `kernel._iterate_part` has the other arguments."""
     scheme, values, eps = arguments
     _, _, start, stop, every, row = span
     saved, final, [poles], status, failed_at = output

@@ -26,7 +26,7 @@ import importlib
 import math
 import os
 import re
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from threading import get_ident
 from time import perf_counter
 from types import FunctionType
@@ -297,7 +297,10 @@ class Kernel(Tiered):
 
     def serial(self, *arguments):
         """Call the kernel for all of the work, in this thread."""
-        with nullcontext() if self.is_compiled else _compiling():
+        if self.is_compiled:
+            self.compiled(0, 1, *arguments)
+            return
+        with _compiling():
             self.compiled(0, 1, *arguments)
         self.is_compiled = True
 
@@ -307,11 +310,10 @@ class Kernel(Tiered):
         `seconds` is about how long Python takes. It takes the call if nothing is compiled, also in
         the cache, and if all such calls of this kernel take less than WARM_UP together.
         """
-        is_small = not self.is_compiled and self.is_warming_up(seconds)
-        if is_small and not self._is_kept(arguments):
-            self.interpret(as_python(self.py_func), 0, 1, *arguments)
-        else:
+        if self.is_compiled or not self.is_warming_up(seconds) or self._is_kept(arguments):
             self.serial(*arguments)
+        else:
+            self.interpret(as_python(self.py_func), 0, 1, *arguments)
 
     def by_numpy(self, *arguments):
         """Take steps by NumPy if they are few and the kernel is not compiled; return True if so."""

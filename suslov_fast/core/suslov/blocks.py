@@ -23,10 +23,7 @@ def are_common(parameters):
 
 @formula
 def fill_parameters(b, l, row, parameters, i):
-    """Write the parameters of trajectory i to lane l of a block `b`, to six rows from `row` on.
-
-    `parameters` are I1, I2, I13, I23, k and eps, arrays (B,), or (1,) for all trajectories.
-    """
+    """Write I1, I2, I13, I23, k and eps of trajectory i to lane l, in six rows from `row` on."""
     I1, I2, I13, I23, k, eps = parameters
     b[row, l] = pick(I1, i)
     b[row + 1, l] = pick(I2, i)

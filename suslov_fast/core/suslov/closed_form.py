@@ -129,10 +129,7 @@ def steady(g1, g2, h1, h2, x, nu):
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """Return A**2 - k**2, positive if orbits go from one steady state to another.
-
-    X and K are e ell and e k for the map, 0 for the flow.
-    """
+    """Return A**2 - k**2; X and K are e ell and e k for the map, but 0 for the flow."""
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
@@ -321,10 +318,7 @@ def reason(b, l):
 
 @formula
 def fill_bodies(b, first, width, lanes, parameters, is_map):
-    """Fill lanes of a block `b` with bodies of `width` trajectories from number `first` on.
-
-    They repeat in `lanes` lanes. `parameters` are I1, I2, I13, I23, k, eps. `is_map` is 0 or 1.
-    """
+    """Fill `lanes` lanes with the bodies of `width` trajectories from `first` on, repeatedly."""
     i = first
     for l in range(lanes):
         fill_parameters(b, l, BODY, parameters, i)

@@ -140,10 +140,7 @@ def compute_factors(c, b, lanes):
 
 @formula
 def find_small_divisors(c, b, lanes):
-    """Give b[DET] the sign of det A, as the d have it; return how many more lanes need elimination.
-
-    These are lanes with a small d.
-    """
+    """Multiply b[DET] by the signs of the d; return how many more lanes need elimination."""
     to_solve = ZERO
     for l in range(lanes):
         for i in range(c.shape[1]):
@@ -318,21 +315,15 @@ def nd_steps(part, parts, parameters, omega0, span, output):
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, span, output):
-    """Iterate part `part` of `parts` of the trajectories, by elimination with m unknowns a step.
-
-    `nd_steps` explains the arguments.
-    """
+    """Iterate part `part` of `parts` of the trajectories as `nd_steps`, but by elimination."""
     parameters, omega0, output = uncounted((parameters, omega0, output))
     iterate_nd(part, parts, parameters, omega0, span, output, True)
 
 
 @inlined
 def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
-    """Iterate part `part` of `parts` of the trajectories, by elimination or in O(n) a step.
-
-    `by_elimination` is True, or None for O(n): Numba removes branches by None. The others are the
-    arguments of `nd_steps`.
-    """
+    """Do what `nd_steps` does, by elimination if `by_elimination` is True and not None."""
+    # None, because Numba removes branches that depend on it.
     saved, final, carry, _, _ = output
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
@@ -365,8 +356,7 @@ def step_block(c, b, a, for_solve, begin, end, n, output, by_elimination):
     """Take step n of a block (c, b) of trajectories `begin` to end - 1.
 
     `a` (m, m + 1, lanes) and `for_solve` are memory for elimination, without and with pivoting.
-    The `output` receives failures and poles. `by_elimination` is None for a step in O(n), else
-    True.
+    The `output` receives failures and poles.
     """
     _, _, carry, status, failed_at = output
     lanes = c.shape[2]
@@ -426,10 +416,7 @@ def end_lane(c, b, l):
 
 
 def nd_steps_side_by_side(parameters, omega0, span, output):
-    """Take the steps by NumPy and return True; return False if one loses digits or passes a pole.
-
-    `nd_steps` explains the arguments.
-    """
+    """Take the steps by NumPy; return False if one loses digits or passes a pole, else True."""
     begin, end, start, stop, every, row = span
     if begin == end:
         return True

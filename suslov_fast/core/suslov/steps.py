@@ -103,10 +103,7 @@ def start_lane(b, l):
 
 @formula
 def fill_frames(b, lanes, first, width, parameters):
-    """Fill `lanes` lanes with the bodies and frames of `width` trajectories, `first` and following.
-
-    Lanes beyond `width` repeat the first trajectory.
-    """
+    """Fill lanes with the bodies of `width` trajectories from `first` on; others repeat `first`."""
     for l in range(lanes):
         fill_parameters(b, l, BODY, parameters, first + (l if l < width else 0))
     for l in range(LANES if lanes > 1 else ONE):  # constants, for SIMD
@@ -298,10 +295,7 @@ def steps(part, parts, parameters, omega0, span, output):
 
 
 def steps_side_by_side(parameters, omega0, span, output):
-    """Take the steps of all trajectories by NumPy, with the bits of `steps`; return True.
-
-    `Kernel.by_numpy` calls it before `steps` is compiled; True says that the work is done.
-    """
+    """Take the steps of all trajectories by NumPy, with the bits of `steps`; return True."""
     # NumPy rounds sums, products, quotients and roots as the kernel does.
     begin, end, start, stop, every, row = span
     own, l = slice(begin, end), slice(None)  # all lanes of a block

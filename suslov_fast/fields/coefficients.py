@@ -265,6 +265,4 @@ def structure_matrix(K: Any, D: int, names: Sequence[str] = ()) -> Any:
         if (w := by_place.get((j, i), Fraction(0))) != -v:
             received = f"one with {float(v)} at {i, j} and {float(w)} at {j, i}"
             raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
-    matrix: Any = np.empty((3, len(values)), object)
-    matrix[:2], matrix[2] = places, values
-    return matrix
+    return np.vstack([places.astype(object), values])

@@ -105,8 +105,9 @@ def iterate(
     system : Map, Field, Suslov3D or SuslovND
         A single map, field or body, or a batch.
     x0 : array_like(float, shape=(..., D))
-        Initial states: of a body in three dimensions angular velocities (Omega1, Omega2), in n
-        dimensions the n - 1 components Omega_in. A state that contains NaN fails at step 0.
+        Initial states: states x of a map or field, angular velocities (Omega1, Omega2) of a body in
+        three dimensions, or the n - 1 components Omega_in of a body in n dimensions. A state that
+        contains NaN fails at step 0.
     eps : array_like(float, shape=(...))
         Step size in time, 0 or from 1e-50 to 1e50 in modulus; not for a `Map`. A negative step
         size runs backwards in time, with the inverse map.

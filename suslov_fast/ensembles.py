@@ -220,9 +220,10 @@ def _part(given: dict[str, Any], where: slice, N: int) -> dict[str, Any]:
 
 def _digests(system: dict[str, Any]) -> dict[str, str]:
     """Return digests of the parameters of a system, and of the rest of its description."""
-    rest = {k: system[k] for k in ("body", "names", "definitions", "equations") if k in system}
-    parameters = {k: a for k, a in system.items() if k not in rest and k != "parameters"}
-    parameters |= system.get("parameters", {})
+    rest = dict(system)
+    parameters = rest.pop("parameters", {})
+    if "names" not in rest:  # a body, with its parameters as entries
+        rest, parameters = {"body": system["body"]}, {k: a for k, a in rest.items() if k != "body"}
     digests = {f"parameter {name}": _digest(value) for name, value in parameters.items()}
     return {"system": _digest(rest), **digests}
 

@@ -202,6 +202,14 @@ def test_the_store_of_another_run_is_refused(tmp_path):
     for name, call in others.items():
         with pytest.raises(ValueError, match=f"another .*{name}"):
             call()
+    # A parameter with the name of an entry of the dictionary does not hide it.
+    fields = [
+        Field.from_hamiltonian(lambda x, H, c=c: H * x[1] ** 2 / 2 + x[0] ** c, 2, H=1.0)
+        for c in (2, 4)
+    ]
+    ensemble(fields[0], [[1.0, 0.0]], tmp_path / "H", time=1.0)
+    with pytest.raises(ValueError, match=r"another .*system"):
+        ensemble(fields[1], [[1.0, 0.0]], tmp_path / "H", time=1.0)
     xarray.Dataset({"a": 1}).to_zarr(tmp_path / "other", consolidated=False)
     (tmp_path / "file").write_text("a file")
     for name, error in (("other", ValueError), ("file", OSError)):

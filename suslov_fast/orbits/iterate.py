@@ -122,8 +122,8 @@ def iterate(
         step; "auto" uses that A is diagonal plus rank two, and eliminates only where digits would
         be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
-        True, or the rotation matrices at state 0, to compute also the rotation matrix R from the
-        body to space: R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map.
+        To compute also the rotation matrix R from the body to space: R at state 0, or True for the
+        identity there. R_next = R cay(eps (Omega + Omega_next) / 2), where cay is the Cayley map.
     threads : int, optional
         Number of threads; by default all threads of Numba.
     on_singular : {"warn", "raise", "ignore"}

@@ -17,7 +17,7 @@ Iterate the map of a body from two initial angular velocities::
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     run = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=1000)
 
-The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.2966.
+The map of the Suslov problem is from V. Dragovic and B. Gajic, arXiv:0807.2966.
 """
 
 import ast

@@ -221,7 +221,7 @@ def float_array(name: str, value: Any) -> FloatArray:
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
-    """Return True if all numbers are finite, False if some are NaN; raise what is not allowed."""
+    """Return True if all numbers are finite, False if some are NaN; others raise an error."""
     if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
         return True
     finite = np.isfinite(array)

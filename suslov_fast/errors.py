@@ -21,8 +21,8 @@ class SuslovError(Exception):
 class NoConvergence(SuslovError):
     """No periodic orbit is found near a start and a period.
 
-    The message of :func:`periodic_orbit` says what was found instead: an equilibrium, also one to
-    which the motion falls, or a motion that ends.
+    The message of :func:`periodic_orbit` says what was found instead: an equilibrium, perhaps one
+    to which the motion falls, or a motion that ends.
 
     Examples
     --------

@@ -84,7 +84,7 @@ class Body(Members, metaclass=Answering):
         }
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Store parameters that were checked before, such as those of members of a batch."""
+        """Store parameters that were checked before, such as the parameters of a member."""
         vars(self).update({name: frozen(value) for name, value in parts.items()})
 
     @classmethod

@@ -28,7 +28,7 @@ MOST = 4  # equations that Cramer's rule solves: n of them have 2**n minors
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return f and M as functions of the state and of all parameters, of which each uses some."""
+    """Return f and M as functions of the state and all parameters; each uses some of them."""
     of_mass, used = taken(mass, parameters), taken(f, parameters)
     of_f = [name for name in parameters if name in used or name not in of_mass]
     check_function("f", f, names, {name: parameters[name] for name in of_f})

@@ -312,7 +312,7 @@ if hasattr(
 
 
 def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
-    """Return the value of f, in whose call `np.array` and similar functions return `Symbols`.
+    """Return the value of f; in this call `np.array` and similar functions return `Symbols`.
 
     NumPy has no hook for these functions, which would return plain arrays of objects: these cannot
     be compared. The functions are replaced in NumPy during the call; other threads see no change.

@@ -98,7 +98,7 @@ def taken(f: Any, names: Iterable[str]) -> list[str]:
 
 
 def taking(f: Any, names: Sequence[str]) -> Any:
-    """Return f as a function of the state and of all parameters, of which it uses `names`."""
+    """Return f as a function of the state and all parameters; it uses only `names`."""
     plain = getattr(f, "py_func", f)  # if Numba compiled f
     return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
 

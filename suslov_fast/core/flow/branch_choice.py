@@ -103,8 +103,16 @@ def add_branches(text, integrator, name, for_each):
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
-        _look(code, code.work.new)
-        _put_all(code, code.work.chooses[0] > 0.0)
+        work, branches, f = code.work, integrator.f.branches, integrator.f.of
+        _look(code, work.new)
+        truth = work.chooses[0] > 0.0
+        _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
+        derived = f.derived.results  # numbers of the table that depend on branches
+        if derived:
+            code.call("derived", code.table, code.table, work.derived)
+            places, table = text.constants([f.places[a] for a in derived]), text.array(code.table)
+            for k in text.each(len(derived)):
+                table.choose(truth, places[k], work.derived[k])
 
 
 def update_branches(code, truth, by_motion=False):
@@ -270,19 +278,6 @@ def _go_on(code, ended):
         work.new.choose(goes_on, i, work.start[i])
     work.accepted.choose(goes_on, 0, 1.0)
     _choose(code, goes_on, none)
-
-
-def _put_all(code, truth):
-    """Write all branches, and numbers that depend on them, to the tables of lanes `truth`."""
-    text, work, branches = code.text, code.work, code.f.branches
-    _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
-    derived = code.f.of.derived.results
-    if derived:
-        code.call("derived", code.table, code.table, work.derived)
-        places = text.constants([code.f.of.places[a] for a in derived])
-        table = text.array(code.table)
-        for k in text.each(len(derived)):
-            table.choose(truth, places[k], work.derived[k])
 
 
 def _put_choices(code, truth, kinds, rows, place):

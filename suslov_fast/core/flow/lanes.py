@@ -16,7 +16,7 @@ def take_next(code, free):
     text, of = code.text, code.of
     for offset in code.lanes_with(free):
         line, own = code.line.x.at() + offset, Integers(text, code.work.own.at() + offset)
-        _write_back(code, offset, own[0])
+        _write_back(code, offset)
         number = code.arguments[SLOT.following]
         own[0] = 0
         with text.when(number < of.count):
@@ -33,9 +33,10 @@ def take_next(code, free):
         _begin(code, begins)
 
 
-def _write_back(code, offset, number_plus_1):
-    """Write rows and table of the lane at byte `offset` to trajectory number_plus_1 - 1, if any."""
+def _write_back(code, offset):
+    """Write rows and table of the lane at byte `offset` to its trajectory, if it has one."""
     text, of, integrator = code.text, code.of, code.integrator
+    number_plus_1 = Integers(text, code.work.own.at() + offset)[0]
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.branches:  # whose branches stand in the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
@@ -54,8 +55,7 @@ def pause_if_spent(code):
         is_spent = is_spent | (code.arguments[SLOT.recorded] > code.of.full)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W):
-            offset = lane * 8
-            _write_back(code, offset, Integers(text, code.work.own.at() + offset)[0])
+            _write_back(code, lane * 8)
         text.leave("i64 0")
     code.arguments[SLOT.budget] = left - 1
 

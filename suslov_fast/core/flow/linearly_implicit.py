@@ -93,7 +93,7 @@ class ImplicitColumns(FunctionCode):
             self.call("f", a, "%table", b)
             text.fill(right, D, mul, s, b)
             with text.when(m.equals(0)):
-                text.fill(apart, D, _plus_change, apart, weight, right, ends)
+                text.fill(apart, D, lambda a, w, c, b: a + w * (c - b), apart, weight, right, ends)
             self.call("solve", work.factors, "%table", right)
             text.fill(ends, D, add, ends, right)
         text.fill(work.at_end, D, _plus_part, work.at_end, weight * 0.5, right)
@@ -125,10 +125,6 @@ class ImplicitColumns(FunctionCode):
 
 def _plus_part(a, part, b):
     return a + part * b
-
-
-def _plus_change(a, part, after, before):
-    return a + part * (after - before)
 
 
 def find_apart(code):

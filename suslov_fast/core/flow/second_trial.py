@@ -27,13 +27,11 @@ BESIDE_SIZE = 2.0**-48  # half of it is the largest relative distance of a state
 # `ComponentNumbers.seeds` give. There are many, because in one changes may cancel by chance,
 # as the noise of a symmetric state. Every other state is MOVED by what the change before it adds
 # up to in the step: the noise of a force reaches the place. ENDS is 1 at the ends of the step,
-# which come first, and FIRST at the first direction: steps whose error cannot be noise look there
-# alone.
+# which come first: steps whose error cannot be noise look there alone, in the first direction.
 BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-FIRST = 1.0, *[0.0] * (len(BESIDES) - 1)
 # What a change of f beside the ends allows, and one beside all points: the weights of columns make
 # noise of f larger, those of implicit columns sixteen times as much.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
@@ -155,7 +153,7 @@ def _changes_beside(code, is_noise):
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     change = work.right if integrator.is_implicit else work.f
-    multiples, firsts, moved = map(text.constants, (BESIDES, FIRST, MOVED))
+    multiples, moved = map(text.constants, (BESIDES, MOVED))
     along, ends = map(text.constants, (ALONG, ENDS))
     base, state, most, *found = (work.beside.after(k * code.extended) for k in range(6))
     least, largest, second = found
@@ -169,7 +167,7 @@ def _changes_beside(code, is_noise):
             most[i] = 0.0
         code.call("f", state, code.table, base)
         for k in text.each(samples):
-            counts = is_noise | (ends[point] * firsts[k] > 0.0)
+            counts = is_noise | (k.equals(0).select(ends[point], 0.0) > 0.0)
             for i in text.each(code.D):
                 move = (moved[k] > 0.0).select(work.signed[0] * change[i], 0.0)
                 inputs = {"state": state[i], "multiple": multiples[k], "is_end": ends[point]}

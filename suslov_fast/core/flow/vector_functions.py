@@ -204,10 +204,6 @@ class DenseQuadratic:
         self.D, self.is_derivative = D, is_derivative
 
     def add(self, text, name, for_each):
-        with text.function(name):
-            self._write(text, for_each)
-
-    def _write(self, text, for_each):
         D, x, f = self.D, text.array("%from"), text.array("%to")
         numbers = text.array("%table") if for_each else Shared(text, "%table")
 
@@ -218,15 +214,16 @@ class DenseQuadratic:
                 sums.total = sums.total + q[k] * x[k]
             return coefficients.after(1)[j], sums.total
 
-        for i in text.each(D):
-            own = numbers.from_here(i * (1 + D + D * D))
-            if self.is_derivative:
-                for j in text.each(D):
+        with text.function(name):
+            for i in text.each(D):
+                own = numbers.from_here(i * (1 + D + D * D))
+                if self.is_derivative:
+                    for j in text.each(D):
+                        linear, total = linear_and_sum(own, j)
+                        f[i * D + j] = linear + (total + total)
+                    continue
+                sums = Carried(f=own[0])
+                for j in text.each(D, sums):
                     linear, total = linear_and_sum(own, j)
-                    f[i * D + j] = linear + (total + total)
-                continue
-            sums = Carried(f=own[0])
-            for j in text.each(D, sums):
-                linear, total = linear_and_sum(own, j)
-                sums.f = sums.f + (linear + total) * x[j]
-            f[i] = sums.f
+                    sums.f = sums.f + (linear + total) * x[j]
+                f[i] = sums.f

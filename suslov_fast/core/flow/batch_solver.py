@@ -110,7 +110,7 @@ def code_of(integrator, W, for_each):
         key = "motion", integrator.key, W, for_each
         text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
         integrator.codes[W, for_each] = code = compiled(key, text_of, 1)
-        if integrator.f.products:  # whose entries it reads
+        if integrator.f.products:  # the code reads their entries
             vars(code).setdefault("functions", integrator.functions)
     return integrator.codes[W, for_each]
 
@@ -312,7 +312,7 @@ class BatchSolver:
                     abandoned.append(True)
             if is_done:
                 break
-        if self.f.branches:  # which the code has written to the tables of trajectories
+        if self.f.branches:  # the code has written them to the tables of trajectories
             self.table[which] = runner.table
 
     def _runner(self, integrator, rows, which, W):

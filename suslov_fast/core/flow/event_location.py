@@ -16,8 +16,8 @@ is where a straight line between the states at `inner` and `outer` crosses the s
 the same end moves, the other end gets half the weight, a quarter, ... (the Illinois rule); after
 ROUNDS the length is the midpoint. Once both lengths differ by less than PLACE of the time, or a
 surface was crossed less than that ago, the step of length `outer` is accepted. Points inside an
-implicit step are inaccurate, so there the first length is that of the part. If a step begins on a
-surface, as a ball after a bounce, Newton's method starts from its end.
+implicit step are inaccurate, so there the first length leads to the end of the part. If a step
+begins on a surface, as a ball after a bounce, Newton's method starts from its end.
 """
 
 import itertools

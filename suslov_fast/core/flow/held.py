@@ -1,6 +1,6 @@
 """The motion of one state over a time, for loops of users: a step in memory that they hold.
 
-Steps and bits are those of `BatchSolver`: the code of both integrators takes turns in one call.
+Steps and bits are the same as in `BatchSolver`: both integrators take turns in one call.
 """
 
 import math
@@ -43,7 +43,7 @@ _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
 _ALL, _WITHOUT = 3, 4  # tries: with relative digits of all components, and of none
-OF_ANOTHER = -128  # in place of a status: the memory is that of another system
+OF_ANOTHER = -128  # in place of a status: the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
 _kept = {}  # codes, which last, by their addresses
@@ -111,8 +111,8 @@ PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
 def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     """Return the motion of f over a time as a `MotionSystem`; its code lasts.
 
-    `given` (P,) are all parameters of f, which begin with `parameters`, those that may change. If f
-    has columns of derivatives, the last ones are by the parameters with the numbers `by`.
+    `given` (P,) are all parameters of f; they begin with `parameters`, which may change. If f has
+    columns of derivatives, the last columns are by the parameters with the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     has_atol, again = settings.atol is not None, closer(settings)
@@ -285,7 +285,7 @@ def _write(system, state, memory, inputs, out):
     """Write the state at the last time, or after the event that ended the motion, to `out`."""
     plan, D, C = system.plan, system.plan[PLAN.D], system.plan[PLAN.columns]
     x, tau, rates = memory[plan[PLAN.state] :], memory, memory
-    if state == _STOPPED:  # the last record is that of the event
+    if state == _STOPPED:  # the event has written the last record
         number = memory[:_ARGUMENTS].view(np.int64)[SLOT.recorded] - 1
         record = memory[plan[PLAN.records] + number * plan[PLAN.size_of_record] + 3 :]
         x, tau = record[system.dimension :], record[2 * system.dimension :]

@@ -114,7 +114,7 @@ class Integrator:
             if not self.f.columns and name.startswith(("tau", "column")):
                 continue  # there are no columns
             places = {rows + p: p for p in range(P)}
-            if self.f.columns:  # whose scales follow the table of f
+            if self.f.columns:  # their scales follow the table of f
                 places |= {rows + P + q: len(of_x.table) + q for q in range(self.f.q)}
             self.functions[name] = ProgramFunction(program, rows, places)
 

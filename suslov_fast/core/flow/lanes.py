@@ -38,7 +38,7 @@ def _write_back(code, offset):
     text, of, integrator = code.text, code.of, code.integrator
     number_plus_1 = Integers(text, code.work.own.at() + offset)[0]
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
-    if integrator.f.branches:  # whose branches stand in the table
+    if integrator.f.branches:  # the table contains the branches
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
     with text.when(number_plus_1.differs(0)):
         number = number_plus_1 - 1
@@ -51,7 +51,7 @@ def pause_if_spent(code):
     """Let the code return 0, to pause, if the budget is spent or the buffer of records is full."""
     text, left = code.text, code.arguments[SLOT.budget]
     is_spent = left.equals(0)
-    if code.integrator.events:  # whose records may have no place any more
+    if code.integrator.events:  # the buffer may have no place for their records
         is_spent = is_spent | (code.arguments[SLOT.recorded] > code.of.full)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W):

@@ -50,7 +50,7 @@ def rows_of_trajectory(integrator):
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row they changed at once
         # Of surfaces of events: 1 where the state is at the level or above, 0 below, between both
-        # where it stays on it, `GAP` where it has no value. And the level, 0 but for rounding.
+        # where it stays on it, `GAP` where it has no value. And the level, 0 or a rounding error.
         side=2 * surfaces,
         counts=actions,  # how often each event has acted
         acted_at=surfaces,  # when each event at a surface has acted last

@@ -32,8 +32,8 @@ BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# What a change of f beside the ends allows, and one beside all points: the weights of columns make
-# noise of f larger, those of implicit columns sixteen times as much.
+# Factors of a change of f beside the ends, and beside all points: the weights of columns make noise
+# of f larger. The weights of implicit columns make it sixteen times as large as the others.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
 SHORTENS = 0.05  # a ratio above it makes the next step shorter
 TINY_STEP = 2.0**-40  # part of the time

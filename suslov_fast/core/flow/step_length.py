@@ -27,23 +27,25 @@ from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 from .weights import ORDER
 
-# Factors; AFTER_TRIAL is less than LONGER, so that it tells, and OF_NAN has many digits: steps that
-# met a time without a value of f should not meet it again.
+# Factors. AFTER_TRIAL differs from LONGER, so that it marks a second trial. OF_NAN has many digits:
+# steps that met a time without a value of f should not meet it again.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST = 2.0**-44  # of a step: part of the time
-# Largest sum that vanishes on true steps, beside the allowed error, and the next length after a
-# step that it refuses. With 30 some true steps are refused, with 100 more false ones are taken.
+# The largest sum that vanishes on true steps, relative to the allowed error, and the factor of the
+# next length after a step that it refuses. With 30 it refuses some true steps, with 100 it accepts
+# more false steps.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # between two times that are asked for
-# Steps that look stiff before a lane becomes implicit, those in between that make it forget them;
-# implicit steps that are a trial, those that explicit ones would do as well, and the most patience.
+# A lane becomes implicit after PATIENCE steps that look stiff; it forgets them after FORGET others.
+# Its first TRIAL implicit steps are a trial. It becomes explicit after EASY steps that explicit
+# steps could do as well. MOST_PATIENCE is the largest patience.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
-# Steps that look stiff, for one that is false, and for one that is taken with a sum above BOUNCES:
-# it may bounce between both sides of a layer, where f looks flat.
+# A false step counts as OF_FALSE steps that look stiff. An accepted step with a sum above BOUNCES
+# counts as OF_BOUNCE: it may bounce between both sides of a layer, where f looks flat.
 OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 
 

@@ -13,7 +13,6 @@ class Elimination:
 
     factors   `Program` that reads the entries of J (in the order of `pattern`) and s; its results
               are the inverse pivots, and the numbers below and above the diagonal
-    pivots    how many pivots are not always 1: the first results of `factors` are their inverses
     solution  `Program` that reads these results and g (D); its results are v (D)
 
     `pattern` are the places (i, j) of J, `order` are the unknowns in the order of pivots, and
@@ -26,7 +25,6 @@ class Elimination:
         factors = Factors(_Scaled(values, pattern), order, fill)
         numbers = [*factors.inverse.values(), *factors.lower.values(), *factors.upper.values()]
         self.factors = program_of(values.operations, numbers)
-        self.pivots = len(factors.inverse)
         values.operations, v = [], {}
         for k in order:
             v[k] = factors.forward(k, first + k, v)

@@ -43,7 +43,6 @@ class Integrator:
     events       `EventSet`, or None; `event_surfaces` is the number of its surfaces
     kinks        the kinds of the surfaces at which f has a kink, see `Branches`
     factors      the number of factors of 1 - s f', 0 in the explicit integrator
-    pivots       how many of them, from the first on, are inverse pivots
     rows, work   first rows of a trajectory's data and of the workspace, see `memory`; `scalars` are
                  the names of parts with one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
@@ -143,10 +142,10 @@ class Integrator:
             plan = Sparse(f.pattern, order, fill)
             functions["factor"] = SparseLoops(plan, add_factors)
             functions["solve"] = SparseLoops(plan, add_solution)
-            count, self.pivots = D + plan.size, D
+            count = D + plan.size
         else:
             elimination = Elimination(f.pattern, order, fill)
-            count, self.pivots = len(elimination.factors.results), elimination.pivots
+            count = len(elimination.factors.results)
             functions["factor"] = ProgramFunction(elimination.factors, f.entries + 1)
             functions["solve"] = ProgramFunction(elimination.solution, count + D)
         return count

@@ -143,7 +143,7 @@ def rows_of_work(integrator):
         aim=3,  # results of `step_to_surface.aim_of`
         between=2 * integrator.surfaces,  # surfaces at two points, between which they are crossed
         sides=2 * surfaces,  # what the row `side` of the trajectory holds
-        crossings=4 + len(integrator.kinks),  # results of `watch` there
+        crossings=len(f.watch.results) if watched else 0,  # results of `watch` there
         changed=acts * D,  # what functions of events return
         before=acts * D,  # the state before an action
         f_before=acts * D,  # f there

@@ -245,11 +245,10 @@ def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
 
 def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
     """Warn of events at given times, all of which are outside the times `asked` of a motion."""
-    last = abs(asked).max(initial=0.0)
     for k, event in enumerate(events):
         if event.times is None or not len(asked):
             continue
-        times = event.times[np.isfinite(event.times)]
+        last, times = abs(asked).max(), event.times[np.isfinite(event.times)]
         if times.size and not ((sign * times >= 0.0) & (abs(times) <= last)).any():
             warn(
                 f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, "

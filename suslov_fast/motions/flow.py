@@ -196,7 +196,8 @@ def solved(
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         if report is not None or events:
-            request = request._replace(report=report, event_times=event_times)
+            others = request.threads, report, event_times, request.most, request.since
+            request = SolverRequest(times, request.sign, settings, *others)  # fast `_replace`
         if names:
             result, of_columns = with_derivatives(body._field, x, batch, names, request, actions)
         elif events:
@@ -232,12 +233,13 @@ def solved(
     }
     for name, column in result.columns.items():
         arrays[name] = column.reshape(batch)
-    others = {"body": body, "_by": names, **phases}
-    motion = Motion._of({**arrays, **_named(settings), **others}, arrays.values())
+    motion = Motion._of(arrays)
+    attributes = vars(motion)
+    attributes.update(_named(settings), body=body, _by=names, **phases)
     if events:
-        vars(motion)["_records"] = result.records, events, request.most
+        attributes["_records"] = result.records, events, request.most
     else:
-        vars(motion)["events"] = None
+        attributes["events"] = None
     return motion
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 
@@ -48,12 +48,9 @@ class Result:
         vars(self).update(vars(self._of(attributes)))
 
     @classmethod
-    def _of(cls, attributes: dict[str, Any], arrays: Iterable[Any] | None = None) -> Self:
-        """Return a result with these attributes, and make its arrays read-only.
-
-        `arrays` has all attributes that are arrays, and perhaps others; by default it has all.
-        """
-        for value in attributes.values() if arrays is None else arrays:
+    def _of(cls, attributes: dict[str, Any]) -> Self:
+        """Return a result with these attributes, and make its arrays read-only."""
+        for value in attributes.values():
             if type(value) is np.ndarray:
                 value.setflags(False)  # type: ignore[call-arg]  # faster than by keyword
         result = object.__new__(cls)  # faster than a call of the class

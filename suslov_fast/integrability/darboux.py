@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
@@ -42,14 +42,23 @@ from .polynomials import (
 from .rational_functions import RationalFunction, factored, product_of, rational_roots
 
 
-def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Polynomials:
-    """Return a basis of the polynomials P up to a degree with P(Phi) = sign * cofactor * P.
+class Determinant(NamedTuple):
+    """The cofactor det DPhi of a map, or -det DPhi, without factors, which may not be known."""
 
-    The cofactor None stands for det DPhi.
-    """
+    map: RationalMap
+    sign: int = 1
+
+    def values_modulo(self, p: int, eps: Values, points: Sequence[Any]) -> list[Any]:
+        """Return the values modulo p at points, with numbers `eps` for letters."""
+        at_eps = self.map.at_eps(eps)
+        return [self.sign * at_eps.derivative(x).det() for x in points]
+
+
+def space_of(map: RationalMap, degree: int, cofactor: Any) -> Polynomials:
+    """Return a basis of the polynomials P up to a degree with P(Phi) = cofactor * P."""
 
     def search(p: int, eps: Values) -> Residues:
-        space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
+        space = arithmetic.null_space(_equations(map, degree, cofactor, p, eps))
         if map.is_symbolic and space:  # formulas without LLL: pivots are monomials of low degree
             return arithmetic.row_space(space, p)
         return space
@@ -61,9 +70,9 @@ def space_of(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> Pol
     return polynomials_with(rows, exponents, letters_of(map.ring))
 
 
-def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
+def nullity(map: RationalMap, degree: int, cofactor: Any) -> int:
     """Return the dimension of the space that `space_of` returns, computed modulo one prime."""
-    matrix = _equations(map, degree, cofactor, sign, map.prime, EPS)
+    matrix = _equations(map, degree, cofactor, map.prime, EPS)
     return int(matrix.ncols() - matrix.rank())
 
 
@@ -124,7 +133,7 @@ def darboux_polynomials(
     if cofactor is None:
         polynomials = _of_all_cofactors(map, degree)
     elif cofactor == map.determinant:
-        polynomials = space_of(map, degree, None)
+        polynomials = space_of(map, degree, Determinant(map))
     else:
         if callable(cofactor) and not isinstance(cofactor, RationalFunction):
             expected = "map.determinant, a number or a result of cofactors(map, degree)"
@@ -233,40 +242,30 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
             yield C
 
 
-def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: Values) -> Any:
-    """Return the matrix modulo p of the linear equations P(Phi) = sign * cofactor * P.
+def _equations(map: RationalMap, degree: int, cofactor: Any, p: int, eps: Values) -> Any:
+    """Return the matrix modulo p of the linear equations P(Phi) = cofactor * P.
 
     Rows are random points, and columns the monomials of P up to a degree.
     """
     points = _random_points(map, degree, p, eps)
-    at_points = flint.nmod_mat(points.times(cofactor, sign), p)
+    at_points = flint.nmod_mat(points.times(cofactor, p, eps), p)
     return at_points - flint.nmod_mat(points.of_images, p)
 
 
 class _Points(NamedTuple):
     """Random points `x` modulo p, and the values of monomials there and at the images Phi(x)."""
 
-    map: RationalMap  # at the numbers `eps` for letters
-    eps: Values
     x: list[list[Any]]
     monomials: list[list[Any]]
     of_images: list[list[Any]]
 
-    def times(self, cofactor: Any, sign: int = 1) -> list[list[Any]]:
-        """Return the rows of `monomials`, each times `sign` and the cofactor at its point.
-
-        The cofactor None stands for det DPhi.
-        """
-        p = int(self.x[0][0].modulus())
+    def times(self, cofactor: Any, p: int, eps: Values) -> list[list[Any]]:
+        """Return the rows of `monomials`, each times the value of a cofactor at its point."""
         try:
-            if cofactor is None:
-                values = [self.map.derivative(x).det() for x in self.x]
-            else:
-                values = cofactor.values_modulo(p, self.eps, self.x)
+            values = cofactor.values_modulo(p, eps, self.x)
         except ZeroDivisionError:
             raise ArithmeticError("the cofactor is undefined at random points") from None
-        pairs = zip(values, self.monomials, strict=True)
-        return [[sign * c * a for a in row] for c, row in pairs]
+        return [[c * a for a in row] for c, row in zip(values, self.monomials, strict=True)]
 
 
 @lru_cache(maxsize=32)
@@ -275,9 +274,8 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
     n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
     exponents = exponents_up_to(degree, n)
     x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
-    pairs = ([monomial_values(exponents, y) for y in (a, at_eps.image(a))] for a in x)
-    monomials, of_images = zip(*pairs, strict=True)
-    return _Points(at_eps, eps, x, [*monomials], [*of_images])
+    monomials = [monomial_values(exponents, a) for a in x]
+    return _Points(x, monomials, [monomial_values(exponents, at_eps.image(a)) for a in x])
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
@@ -308,7 +306,7 @@ def with_constants(
 
     def search(p: int, eps: Values) -> list[Any]:
         points = _random_points(map, degree, p, eps)
-        at_points, at_images = points.times(candidate), points.of_images
+        at_points, at_images = points.times(candidate, p, eps), points.of_images
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:

@@ -16,7 +16,7 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from .birational_maps import LONGEST, RationalMap
-from .darboux import candidate_cofactors, nullity, space_of, with_constants
+from .darboux import Determinant, candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
 from .invariants import Invariants
@@ -242,9 +242,9 @@ class Search:
             yield Task(self._add_modified_energy, "Hamiltonian")
         for k in range(1, self.degree + 1):
             yield Task(partial(self._count_relations, k), "relations", k)
-        for cofactor in (RationalFunction(()), None):
-            for sign in (1, -1):
-                yield self._polynomials_of(cofactor, sign, 1, "usual cofactors")
+        one = RationalFunction(())
+        for cofactor in (one, -one, Determinant(map), Determinant(map, -1)):
+            yield self._polynomials_of(cofactor, 1, "usual cofactors")
         yield Task(self._find_factors, "factors")
 
     def _next_degree(self, following: Iterator[int]) -> Task:
@@ -374,53 +374,50 @@ class Search:
         def run() -> Tasks:
             for candidate in candidates:
                 for cofactor in with_constants(self.map, k, candidate):
-                    yield self._polynomials_of(cofactor, 1, k, "all cofactors", k)
+                    yield self._polynomials_of(cofactor, k, "all cofactors", k)
                 yield self._next_candidate(candidates, k)
                 return
 
         return Task(run, "all cofactors", k, needed=False)
 
-    def _polynomials_of(
-        self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
-    ) -> Task:
-        """Return the task that finds P up to degree k with P(Phi) = sign * cofactor * P.
+    def _polynomials_of(self, cofactor: Any, k: int, kind: str, last: int = 0) -> Task:
+        """Return the task that finds the P up to degree k with P(Phi) = cofactor * P.
 
-        Tasks for higher degrees follow, up to `last`, by default the degree of the search. The
-        cofactor None stands for det DPhi.
+        Tasks for higher degrees follow, up to `last`, by default the degree of the search.
         """
 
         def run() -> Tasks:
-            yield from self._find_polynomials(cofactor, sign, k)
+            yield from self._find_polynomials(cofactor, k)
             if k < (last or self.degree):
-                yield self._polynomials_of(cofactor, sign, k + 1, kind, last)
+                yield self._polynomials_of(cofactor, k + 1, kind, last)
 
         return Task(run, kind, k, needed=False)
 
-    def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
+    def _find_polynomials(self, cofactor: Any, k: int) -> Tasks:
         """Find the polynomials of `_polynomials_of`, unless they are known; return tasks."""
-        if cofactor is None and self.invariants.has_factors:
-            cofactor = self.map.jacobian_cofactor
-        known: list[Any] = []
-        if cofactor is not None:
-            cofactor, sign = sign * cofactor, 1
-            value = self.invariants.value(cofactor)
+        facts, known = self.invariants, list[Any]()
+        if isinstance(cofactor, Determinant) and facts.has_factors:
+            cofactor = self.map.jacobian_cofactor * cofactor.sign  # type: ignore[operator]
+        in_factors = cofactor if isinstance(cofactor, RationalFunction) else None
+        if in_factors:
+            value = facts.value(cofactor)
             if self._searched_to.get(value, 0) >= k:
                 return []
             self._searched_to[value] = k
-            known = self.invariants.products.get(value, [])
+            known = facts.products.get(value, [])
         try:
-            dimension = nullity(self.map, k, cofactor, sign)
+            dimension = nullity(self.map, k, cofactor)
             if dimension <= min(1, len(known)):
                 return []
-            if cofactor is not None and dimension == len(self.invariants.elements(value, k)):
+            if in_factors and dimension == len(facts.elements(value, k)):
                 return []
-            space = space_of(self.map, k, cofactor, sign)
+            space = space_of(self.map, k, cofactor)
         except ArithmeticError:  # the coefficients are too long, or a number is special
             return []
-        if cofactor is None and sign == 1 and space:
+        if cofactor == Determinant(self.map):
             densities = (factored(P) ** -1 for P in sorted(space, key=sort_key))
-            self.invariants.early_densities += [replace(f, basis=MODULAR) for f in densities]
-        return self._add_space(space, cofactor)
+            facts.early_densities += [replace(f, basis=MODULAR) for f in densities]
+        return self._add_space(space, in_factors)
 
     # Polynomials that were found.
 
@@ -475,9 +472,8 @@ class Search:
         for value, degree in lowest.items():
             for sign in (1, -1):
                 if self._searched_to.get(sign * value % self.map.prime, 0) < degree <= self.degree:
-                    yield self._polynomials_of(
-                        known.cofactors[value], sign, degree, "known cofactors"
-                    )
+                    product = sign * known.cofactors[value]
+                    yield self._polynomials_of(product, degree, "known cofactors")
 
     def _proof(self, g: RationalFunction) -> Task:
         """Return the task that proves P(Phi) = C P as an identity, for a Darboux polynomial g."""

@@ -43,6 +43,7 @@ from .rational_functions import (
     factored,
     over_common_denominator,
     product_of,
+    quotients_of,
     rational_roots,
 )
 
@@ -84,12 +85,7 @@ class RationalMap(WithLetters):
     @property
     def formulas(self) -> tuple[RationalFunction, ...]:
         """The components F_i / F_0 of the map, as functions of its variables and letters."""
-        return self._in_letters(self.forms)
-
-    def _in_letters(self, forms: Sequence[Any]) -> tuple[RationalFunction, ...]:
-        """Return F_i / F_0 for `forms` F_1, ..., F_D, F_0, with the map's names of variables."""
-        *numerators, denominator = (factored(F).renamed(self.names, self.letter) for F in forms)
-        return tuple(F / denominator for F in numerators)
+        return quotients_of(self.forms, self.names, self.letter)
 
     def __repr__(self) -> str:
         return f"rational_map({', '.join(map(str, self.formulas))})"
@@ -200,14 +196,13 @@ class RationalMap(WithLetters):
         """
         if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
             coordinates = over_common_denominator(map(as_function, point), self.ring)
-            *numerators, denominator = map(factored, self.homogeneous_image(coordinates))
-            return tuple(a / denominator for a in numerators)
+            return quotients_of(self.homogeneous_image(coordinates))
         if not self.is_symbolic:
             return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
         x = arithmetic.rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
-        return self._in_letters(self.homogeneous_image(constants))
+        return quotients_of(self.homogeneous_image(constants), self.names, self.letter)
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:

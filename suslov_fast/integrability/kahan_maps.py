@@ -323,8 +323,7 @@ def kahan(field: Any, /, eps: Any = None) -> KahanMap:
     ((2/(-2*eps + 1),), (x1/(-eps*x1 + 1),))
     """
     if not isinstance(field, Body):
-        received = f"{kind_of(field)}"
-        raise wrong("field", "a Field or a body", received, TypeError)
+        raise wrong("field", "a Field or a body", kind_of(field), TypeError)
     _ = field._has_eps or field._field  # which raises
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")

@@ -40,6 +40,7 @@ from .rational_functions import (
     factored,
     independent,
     over_common_denominator,
+    quotients_of,
     without_constant,
 )
 
@@ -160,7 +161,10 @@ class _Equations:
             [_in_ring(F, self.ring) for F in forms] for forms in (map.forms, map.inverse.forms)
         )
         for given, (P, Q) in zip(integrals, self.parts, strict=True):
-            if getattr(given, "basis", "") != IDENTITY and not self._is_conserved(P, Q):
+            if getattr(given, "basis", "") == IDENTITY:
+                continue
+            after, below = self._values(P, Q, self.forward)
+            if after * Q != below * P:
                 raise wrong("integrals", "conserved by the map", factored(P) / factored(Q))
 
     def _numerator_and_denominator(self, f: Any) -> tuple[Any, Any]:
@@ -179,11 +183,6 @@ class _Equations:
         if variables_of(P) != self.D:
             raise wrong("integrals", f"functions of {self.D} variables", short(f))
         return _in_ring(P, self.ring), _in_ring(Q, self.ring)
-
-    def _is_conserved(self, P: Any, Q: Any) -> bool:
-        degree = max(degree_of(P), degree_of(Q))
-        after, below = (homogenized(R, degree, self.forward, self.ring) for R in (P, Q))
-        return bool(after * Q == below * P)
 
     # Which level.
 
@@ -248,14 +247,12 @@ class _Equations:
             of_degrees = f"{', '.join(map(str, degrees))} in {', '.join(names[k] for k in kept)}"
             expected = "such that variables can be eliminated up to one quadric in three of them"
             raise wrong("integrals", expected, f"with equations left of degree {of_degrees}")
-        values = dict(zip(kept, map(factored, on_it), strict=False))
-        values = {k: f / factored(on_it[-1]) for k, f in values.items()}
+        values = dict(zip(kept, quotients_of(on_it), strict=True))
         for k, *parts in reversed(solved.steps):
             known = [values.get(j, as_function(0)) for j in range(self.D)]
             point = over_common_denominator(known, self.plane)
             degree = max(map(degree_of, parts))
-            P, Q = (homogenized(R, degree, point, self.plane) for R in parts)
-            values[k] = factored(P) / factored(Q)
+            (values[k],) = quotients_of(homogenized(R, degree, point, self.plane) for R in parts)
         embedding = over_common_denominator([values[k] for k in range(self.D)], self.plane)
         return self._level(embedding, chart, "; ".join([text, *how]))
 
@@ -293,12 +290,9 @@ class _Equations:
         if not has_inverse(restricted) or not self._is_restricted(restricted, embedding):
             raise ArithmeticError(f"the map does not take the level {how} to itself, one to one")
         names = self.map.names or labels(self.D)
-        functions = (self._functions(chart, names), self._functions(embedding, labels(2)))
-        return Level(restricted, *functions, how)
-
-    def _functions(self, forms: list[Any], names: Sequence[str]) -> tuple[RationalFunction, ...]:
-        *numerators, denominator = map(factored, forms)
-        return tuple((P / denominator).renamed(names, self.letter) for P in numerators)
+        coordinates = tuple(f.renamed(names, self.letter) for f in quotients_of(chart))
+        variables = tuple(f.renamed(None, self.letter) for f in quotients_of(embedding))
+        return Level(restricted, coordinates, variables, how)
 
     def _is_restricted(self, restricted: RationalMap, embedding: list[Any]) -> bool:
         """Return True if embedding(restricted(x)) = map(embedding(x)) at a point x modulo p."""

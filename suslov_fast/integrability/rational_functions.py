@@ -331,6 +331,14 @@ def factored(P: Any) -> RationalFunction:
     return product_of(powers, arithmetic.fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
 
+def quotients_of(
+    forms: Iterable[Any], names: Sequence[str] | None = None, letter: str = ""
+) -> tuple[RationalFunction, ...]:
+    """Return F_i / F_0 for polynomials F_1, ..., F_n, F_0, with new names as in `renamed`."""
+    *numerators, denominator = (factored(F).renamed(names, letter) for F in forms)
+    return tuple(F / denominator for F in numerators)
+
+
 def without_constant(f: RationalFunction) -> RationalFunction:
     """Return f divided by its constant factor, which leaves primitive factors with fixed signs."""
     return RationalFunction(f.factors, basis=f.basis)
@@ -378,9 +386,7 @@ def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[Ratio
     *_, t = f.context().gens()
     for linear in (g for g, _ in irreducible_factors(f) if degree_of(g) == 1):
         slope = linear.derivative(len(letters))
-        parts = (slope * t - linear, slope)
-        numerator, denominator = (factored(P.project_to_context(ring)) for P in parts)
-        yield numerator / denominator
+        yield from quotients_of(P.project_to_context(ring) for P in (slope * t - linear, slope))
 
 
 # Independence.

@@ -51,10 +51,7 @@ def rationals(name: str, value: Any, count: int) -> Point:
 
 
 def constant(name: str, value: Any) -> Fraction:
-    """Return a coefficient or step size `value` as a fraction; errors begin with `name`.
-
-    A string may be "1/3". A float stands for the number that was typed, see `as_written`.
-    """
+    """Return a number, also of a text "1/3", as a fraction; floats become numbers `as_written`."""
     value = from_lists(name, value)
     exact = rational(name, value)
     return as_written(exact) if isinstance(value, float) else exact
@@ -90,10 +87,7 @@ def fraction(a: Any) -> Fraction:
 
 
 def divided_out(a: Any, divisor: Any) -> tuple[Any, int]:
-    """Divide an integer or polynomial by a divisor as often as possible.
-
-    Return the last quotient and the number of divisions.
-    """
+    """Divide an integer or polynomial as often as possible; return the quotient and the power."""
     power = 0
     while a != 0 and a % divisor == 0:
         a, power = a // divisor, power + 1
@@ -116,10 +110,7 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
 
 
 def prime_for(numbers: Iterable[Any]) -> int:
-    """Return a random prime of 62 bits, the same one for the same integers `numbers`.
-
-    The integers seed the random generator, so that the prime divides one of them only by chance.
-    """
+    """Return a random prime of 62 bits with the seed `numbers`, which it divides only by chance."""
     return random_prime(random.Random(" ".join(map(hex, numbers))))
 
 

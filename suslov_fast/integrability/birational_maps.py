@@ -120,10 +120,7 @@ class RationalMap(WithLetters):
         return [int(c) for F in self.forms for c in F.coeffs()]
 
     def generator(self, number: int = 0) -> random.Random:
-        """Return a generator of random numbers, a different one for each `number`.
-
-        The map determines its seed. So the primes that it draws divide coefficients only by chance.
-        """
+        """Return a generator of random numbers, with a seed made of the map and a number."""
         return random.Random(f"{number} {self.prime}")
 
     @cached_property

@@ -210,10 +210,7 @@ def cofactors(
 
 
 def checked_degree(name: str, degree: Any, n: int, least: int = 0, most: int = 300) -> int:
-    """Return `degree`, or raise an error if polynomials in n variables have over `most` terms.
-
-    The error is about the argument `name`, also if the degree is no integer from `least` on.
-    """
+    """Return `degree` as an integer; polynomials in n variables have at most `most` terms."""
     degree = integer(name, degree, least)
     if (unknowns := math.comb(n + degree, n)) > most:
         largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
@@ -243,10 +240,7 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, p: int, eps: Values) -> Any:
-    """Return the matrix modulo p of the linear equations P(Phi) = cofactor * P.
-
-    Rows are random points, and columns the monomials of P up to a degree.
-    """
+    """Return the equations P(Phi) = cofactor * P modulo p, as a matrix of points by monomials."""
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, p, eps), p)
     return at_points - flint.nmod_mat(points.of_images, p)

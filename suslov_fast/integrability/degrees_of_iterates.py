@@ -171,10 +171,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
 
 
 def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
-    """Return the `Growth` that the shortest recurrence of degrees d implies; None without one.
-
-    Recurrences that no map has, or no planar map, do not count.
-    """
+    """Return the `Growth` of the shortest recurrence of degrees of a (planar) map; or None."""
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order

@@ -99,10 +99,7 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
 
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
-    """Return `map` as a checked `RationalMap`; of a field or body, the Kahan map with symbolic eps.
-
-    The parameters `letters` stay symbols.
-    """
+    """Return a checked `RationalMap`: `map` itself, or the exact map of a system with `letters`."""
     is_given = letters is None and not isinstance(map, Body)
     checked: Any = map if is_given else exact_map(map, None, letters)
     check_map(checked)

@@ -188,24 +188,29 @@ def _interpolated(
             raise Unknown("degrees are too high")
     if count == 1:
         for i, pair in zip(varying, quotients, strict=True):
-            parts = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
-            pairs[i] = _with_unit(parts, p)
+            in_z = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
+            pairs[i] = _with_unit(in_z, p)
         return pairs
-    degrees = [[max(P.degree(), 0) for P in pair or ()] for pair in quotients]
-    line = Line(parameters(max(map(sum, degrees)) + 3), p)
-    unknown = [_Entry(pair, s, p) for pair in degrees]
+    # Coefficients in z of N and D on each line, for each entry: as many as on the first line.
+    sizes = [[max(P.degree(), 0) + 1 for P in pair or ()] for pair in quotients]
+    coefficients: list[Any] = [([], []) for _ in varying]
+    parts: list[Any] = [None for _ in varying]
+    line = Line(parameters(max(map(sum, sizes)) + 1), p)
     points: list[list[int]] = []
-    while not all(entry.parts for entry in unknown):
+    while None in parts:
         if len(points) > _LINES:
             raise Unknown("there are too many terms")
         for i in range(len(points), 2 * len(points) or 4):
             points.append([pow(base, i, p) for base in _BASES[:count]])
-            for entry, values in zip(unknown, along(points[-1], line.z), strict=True):
-                entry.add(line.quotient(values))
-        for entry in unknown:
-            entry.solve(points)
-    for i, entry in zip(varying, unknown, strict=True):
-        pairs[i] = _with_unit(entry.parts or (), p)
+            for k, values in enumerate(along(points[-1], line.z)):
+                on_line = _scaled(line.quotient(values), sizes[k])
+                for of_lines, of_line in zip(coefficients[k], on_line, strict=True):
+                    of_lines.append(of_line)
+        for k in [k for k, known in enumerate(parts) if known is None]:
+            N_and_D = [_terms(of_lines, s, points, p) for of_lines in coefficients[k]]
+            parts[k] = None if None in N_and_D else N_and_D
+    for i, known in zip(varying, parts, strict=True):
+        pairs[i] = _with_unit(known, p)
     return pairs
 
 
@@ -243,43 +248,29 @@ class Line:
         return N // common, D // common
 
 
-class _Entry:
-    """An entry N / D of the matrix: collects N and D on lines s + z t, and finds their terms."""
+def _scaled(pair: Any, sizes: Sequence[int]) -> list[list[int]]:
+    """Return so many coefficients in z of N and D on a line s + z t; D is scaled to 1 at s."""
+    if pair is None or pair[1][0] == 0:
+        raise ZeroDivisionError
+    scale = 1 / pair[1][0]
+    return [[int(P[k] * scale) for k in range(size)] for P, size in zip(pair, sizes, strict=True)]
 
-    def __init__(self, degrees: Sequence[int], s: Sequence[int], p: int) -> None:
-        self.degrees, self.s, self.p = degrees, s, p
-        self.parts: list[Terms] | None = None
-        self._on_lines: list[list[list[int]]] = []
 
-    def add(self, pair: Any) -> None:
-        """Add the pair (N, D) on a further line s + z t, scaled so that D is 1 at s."""
-        if pair is None or pair[1][0] == 0:
-            raise ZeroDivisionError
-        scale = 1 / pair[1][0]
-        parts = zip(pair, self.degrees, strict=True)
-        self._on_lines.append([[int(P[k] * scale) for k in range(d + 1)] for P, d in parts])
+def _terms(coefficients: Any, s: Sequence[int], points: Any, p: int) -> Terms | None:
+    """Return the terms of a polynomial in letters; None if lines s + z t with t in `points` lack.
 
-    def solve(self, points: Sequence[Sequence[int]]) -> None:
-        """Set `parts`, the terms of N and D, if the lines s + z t with t in `points` are enough."""
-        if not self.parts:
-            parts = [self._part(number, points) for number in (0, 1)]
-            self.parts = None if None in parts else parts  # type: ignore[assignment]
-
-    def _part(self, number: int, points: Sequence[Sequence[int]]) -> Terms | None:
-        """Return the terms of N (`number` 0) or D (1); None if they need more lines s + z t.
-
-        `points` are the vectors t of the lines, on which coefficients of powers of z are known.
-        """
-        lower, terms = [[*of_line[number]] for of_line in self._on_lines], Terms()
-        for k in range(self.degrees[number], -1, -1):
-            top = _homogeneous([c[k] for c in lower], len(self.s), k, self.p)
-            if top is None:
-                return None
-            terms |= top
-            for c, t in zip(lower, points, strict=True):
-                for j, a in enumerate(_on_line(top, self.s, t, self.p)):
-                    c[j] -= a
-        return terms
+    Its coefficients in z on each of these lines are known.
+    """
+    lower, terms = [[*of_line] for of_line in coefficients], Terms()
+    for k in range(len(lower[0]) - 1, -1, -1):
+        top = _homogeneous([c[k] for c in lower], len(s), k, p)
+        if top is None:
+            return None
+        terms |= top
+        for c, t in zip(lower, points, strict=True):
+            for j, a in enumerate(_on_line(top, s, t, p)):
+                c[j] -= a
+    return terms
 
 
 def _on_line(terms: Terms, s: Sequence[int], t: Sequence[int], p: int) -> list[int]:

@@ -51,10 +51,7 @@ def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], le
 def relations_along(
     map: RationalMap, exponents: Exponents, eps: Values, x: Sequence[Any]
 ) -> Residues:
-    """Return a basis of the relations of monomials along the orbit of x, as rows of coefficients.
-
-    x is a point modulo a prime, and `eps` are numbers in place of letters.
-    """
+    """Return a basis of the relations along the orbit of a point x modulo a prime, as rows."""
     length = len(exponents) + EXTRA
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
@@ -186,7 +183,9 @@ class ImplicitIntegral:
     def value(self, map: RationalMap, x: list[Any]) -> Any:
         """Return the value at a point (x1, ..., xD, 1) of exact numbers; `map` has no letters."""
         others = [e for e in self.monomials if e != self.denominator]
-        orbit = _orbit_around(map, x, len(others))
+        before = (len(others) - 1) // 2 if map.inverse else 0  # points before x
+        earlier = [*map.inverse.orbit(x, before + 1)][:0:-1] if before else []
+        orbit = [*earlier, *map.orbit(x, len(others) - before)]
         # If the denominator has the coefficient 1, the other coefficients solve a linear system.
         rows = [monomial_values(others, y) for y in orbit]
         right = [[-monomial_values([self.denominator], y)[0]] for y in orbit]
@@ -215,13 +214,6 @@ class ImplicitIntegral:
 
     def __repr__(self) -> str:
         return f"ImplicitIntegral({self}; degree {self.degree})"
-
-
-def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return `length` points of an orbit, with x in the middle if the map has an inverse."""
-    before = (length - 1) // 2 if map.inverse else 0
-    backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
-    return [*backward[:0:-1], *map.orbit(x, length - before)]
 
 
 # A circuit is a minimal set of monomials with a relation along orbits: no coefficient is 0.
@@ -277,10 +269,9 @@ class _RelationsOnLine:
         self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of c_i / c_j as a function on the line; None if points are too few.
+        """Return the degree on the line of the quotient of two coefficients; None if it is higher.
 
-        The c_k are the coefficients of the relation number `circuit`, i is `numerator`, and j
-        `denominator`.
+        The coefficients belong to the monomials number `numerator` and `denominator` of a circuit.
         """
         coefficients = [of_point[circuit] for of_point in self.coefficients]
         values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
@@ -292,10 +283,7 @@ class _RelationsOnLine:
 def _gradients_of_logarithms(
     map: RationalMap, circuit: Exponents, p: int
 ) -> dict[tuple[int, ...], Any]:
-    """Return {m: grad log c(x)} for monomials m in `circuit`, at a random point x, modulo p.
-
-    The c(x) are the coefficients of the relation sum c m = 0 along the orbit of x.
-    """
+    """Return {m: grad log c} for the relation sum c m = 0 of a circuit, at a point modulo p."""
     map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension, p), len(circuit) - 1
     (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
     (gradients,) = gradients_of_coefficients(map, circuit, [relation], x, length)
@@ -304,10 +292,7 @@ def _gradients_of_logarithms(
 
 
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
-    """Yield integrals c_i / c_j of circuits of `monomials`, lowest degrees first.
-
-    Many depend on earlier ones.
-    """
+    """Yield integrals c_i / c_j of circuits, low degrees first; many depend on earlier ones."""
     rng = random.Random(0)
     sets = circuits(map, monomials, rng)
     if not sets:

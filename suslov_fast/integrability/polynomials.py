@@ -131,10 +131,7 @@ def has_constant_term(P: Any) -> bool:
 
 
 def sort_key(P: Any) -> tuple[Any, ...]:
-    """Return the sort key of polynomials, which puts short ones first.
-
-    The order is the same for a symbolic eps and for a number: coefficients count last.
-    """
+    """Return the sort key of polynomials: short ones first, in one order for any value of eps."""
     monomials = sorted({(-sum(e), *(-k for k in e)) for e in exponents_in_x(P)})
     return degree_of(P), len(monomials), monomials, str(P)
 

@@ -393,10 +393,7 @@ def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[Ratio
 
 
 def independent(candidates: Iterable[RationalFunction], p: int) -> tuple[RationalFunction, ...]:
-    """Return a maximal set of functionally independent candidates, modulo p, lowest degrees first.
-
-    Candidates of equal degree are tried in their order.
-    """
+    """Return a maximal set of functionally independent candidates, modulo p, low degrees first."""
     by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
     return tuple(independent_of((), by_degree, p))
 

@@ -186,17 +186,12 @@ def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> 
     )
     if before.rank() < solutions:
         return
-    for eigenvector in _simple_eigenvectors(before.solve(after)):
-        solution = values @ np.array(eigenvector, object) % p
-        if solution[0]:  # the value of the monomial 1
+    matrix = before.solve(after)
+    identity = flint.nmod_mat(np.eye(solutions, dtype=int).tolist(), p)
+    for eigenvalue, _ in matrix.charpoly().roots():
+        eigenvectors = arithmetic.null_space(matrix - identity * eigenvalue)
+        solution = values @ np.array(eigenvectors[0], object) % p
+        # An eigenspace of higher dimension does not tell a solution; the monomial 1 is not 0.
+        if len(eigenvectors) == 1 and solution[0]:
             scale = pow(int(solution[0]), -1, p)
             yield [int(solution[row[unit]]) * scale % p for unit in units]
-
-
-def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
-    """Yield an eigenvector of a matrix modulo a prime for each eigenspace of dimension 1."""
-    identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), matrix.modulus())
-    for eigenvalue, _ in matrix.charpoly().roots():
-        kernel = arithmetic.null_space(matrix - identity * eigenvalue)
-        if len(kernel) == 1:
-            yield kernel[0]

@@ -175,15 +175,14 @@ class PlaneModulo:
         curve_orders: list[tuple[int, ...]] = []
         exact = 0  # steps after which all orders of curves are less than the number of terms
         steps: int | None = None
-        has_terms = True
+        endless = Passage((), (), None, endless=True)
         for k in range(most + 1):
             if k and not self._at_one_point(*germs):
                 steps = k
                 break
             first, second = (self.step(germ, terms) for germ in germs)
             if first is None or second is None:
-                has_terms = False
-                break
+                return endless
             if first._replace(germ=second.germ) != second:
                 return None
             germs = first.germ, second.germ
@@ -196,8 +195,8 @@ class PlaneModulo:
         # After `last` steps the germ is at the last point without an image.
         last = max((k for k, order in enumerate(common_orders, start=1) if order), default=0)
         never_stops = steps is None and last > len(common_orders) // 2
-        if not has_terms or last > exact or never_stops:
-            return Passage((), (), None, endless=True)
+        if last > exact or never_stops:
+            return endless
         return Passage(tuple(common_orders[:last]), tuple(curve_orders[:last]), steps)
 
     def _at_one_point(self, first: Sequence[Any], second: Sequence[Any]) -> bool:
@@ -214,23 +213,21 @@ def _order(P: Any, terms: int) -> int:
 def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     """Return the `Passage` from each curve by up to `most` steps; None unless two primes agree."""
     rng, numbers = plane.map.generator(), range(len(plane.curves))
-    by_prime: list[list[Passage]] = [[] for _ in numbers]
+    of_primes: list[list[Passage]] = [[] for _ in numbers]
+    agreed: dict[int, Passage] = {}
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)
         residues = PlaneModulo(plane, p, (rng.randrange(2, p),), rng.getrandbits(30))
         for number in numbers:
-            if _agree(by_prime[number]) or (component := residues.component(number)) is None:
+            if number in agreed or (component := residues.component(number)) is None:
                 continue
-            if (passage := residues.passage(component, most)) is not None:
-                by_prime[number].append(passage)
-        if all(map(_agree, by_prime)):
-            return [passages[-1] for passages in by_prime]
+            if (passage := residues.passage(component, most)) in of_primes[number]:
+                agreed[number] = passage
+            elif passage is not None:
+                of_primes[number].append(passage)
+        if len(agreed) == len(numbers):
+            return [agreed[number] for number in numbers]
     return None
-
-
-def _agree(passages: list[Passage]) -> bool:
-    """Return True if the last passage, of the last prime, equals an earlier one."""
-    return bool(passages) and passages[-1] in passages[:-1]
 
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # of power series in t, until they suffice
@@ -274,9 +271,8 @@ class _Germs:
         if degree > 1:
             self._point, count = self._point_of_curve(), plane.count(number)
         gradient = self._values(self._slopes(self._curve), self._point)
-        self.first: list[Any] = []  # the germ at a line; [] for other curves
-        if degree == count:
-            self.first = self._across_line(gradient)
+        # The germ at a line; [] for other curves.
+        self.first = self._across_line(gradient) if degree == count else []
         if self.first and _order_in_t(self._values([self._curve], self.first, 2)[0], 2) != 1:
             self.first = []
 

@@ -241,9 +241,7 @@ class Invariants:
     def _quotients_by_one(self, functions: list[RationalFunction]) -> Iterator[RationalFunction]:
         """Yield f / g for `functions` f and one g of least degree, with g(0) != 0 if possible."""
         lowest = [f for f in functions if f.degree == functions[0].degree]
-        denominator = next(
-            (f for f in lowest if has_constant_term(f.as_quotient()[0])), functions[0]
-        )
+        denominator = max(lowest, key=lambda f: has_constant_term(f.as_quotient()[0]))
         others = (f for f in functions if f is not denominator)
         yield from (_with_varying_limit(f / denominator) for f in others)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..core.cached import cached_property
-from ..fields.exact_numbers import numbers
 from ..fields.field import Field
 from ..fields.terms import collected
 from ..keywords import public, public_class
@@ -104,7 +104,9 @@ class SuslovND(Suslov):
 
     @cached_property
     def _field(self) -> Field:
-        parts = (numbers(name, each, bool(self.shape)) for name, each in self.parameters.items())
+        parts = [*self.parameters.values()]
+        if not self.shape:  # exact coefficients
+            parts = [np.vectorize(Fraction, "O")(each) for each in parts]
         places, values = self._terms_of(*parts)
         values = checks.within("J and I", values, checks.OTHERS)
         terms = collected(places, values, self.dimension, 2)

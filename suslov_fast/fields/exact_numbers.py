@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from functools import partial
 from numbers import Rational
 from typing import Any
 
@@ -46,13 +45,6 @@ def as_given(name: str, value: Any) -> Any:
     """Return an array of numbers as they were given; lists become arrays of objects."""
     refuse(name, value)
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
-
-
-def numbers(name: str, value: Any, is_batch: bool) -> Any:
-    """Return an array of floats for a batch, or of fractions for a single system."""
-    if is_batch:
-        return real_array(name, value)
-    return np.vectorize(partial(exact, name), "O")(as_given(name, value))
 
 
 def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:

@@ -97,7 +97,8 @@ class Tracer:
         """Return the symbol of a function of operands; remember the function for texts."""
         if name in _ARITHMETIC and float in map(type, operands):
             _check_arithmetic(name, operands)
-        count, rule = self.values.count, interp if name == "interp" else FUNCTIONS[name].rule
+        rule: Any = interp if name == "interp" else FUNCTIONS[name].rule
+        count = self.values.count
         result = rule(self.values, *operands, *tables)
         if not isinstance(result, float) and result >= count:
             self.values.written.setdefault(result, (name, tuple(operands), *tables))

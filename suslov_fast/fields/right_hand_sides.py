@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core.expressions.branches import with_fixed_branches
 from ..core.expressions.dense_product import ENTRY, is_matrix
-from ..core.expressions.event_formulas import EventAction, with_parameters
+from ..core.expressions.event_formulas import EventAction, KeyedProgram, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions, depending, emitted, in_order
@@ -94,7 +94,7 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
     if special or any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
-    program = EventAction.list_of(equations.values, equations.results)
+    program = KeyedProgram.of(equations.values, equations.results)
     (form,), constants = with_parameters([EventAction(None, program, 0, 1)], count)
     if len(_known_forms) >= _MOST_FORMS:
         _known_forms.clear()

@@ -23,7 +23,7 @@ from ..checks import (
     wrong,
 )
 from ..core.cached import cached_property
-from ..core.expressions.event_formulas import EventAction
+from ..core.expressions.event_formulas import EventAction, KeyedProgram, read_by
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
 from ..fields.names import TIME
@@ -318,12 +318,10 @@ class TracedEvent:
             expected = f"{len(names)} texts, one for each component"
             raise wrong("to", expected, f"{len(self.to)}: {how}")
         most = math.inf if event.most is None else float(event.most)
-        at = None if self.surface is None else self._list_of([self.surface])
-        to = None if self.to is None else self._list_of(self.to)
+        values = self.tracer.values
+        at = None if self.surface is None else KeyedProgram.of(values, [self.surface])
+        to = None if self.to is None else KeyedProgram.of(values, self.to)
         self.action = EventAction(at, to, int(event.direction), 1.0 if event.terminal else most)
-
-    def _list_of(self, results: Sequence[Any]) -> Any:
-        return EventAction.list_of(self.tracer.values, results)
 
     def _surface(self, surface: Any) -> Any:
         """Return a surface, a function or text, as an operand; ValueError if it reads no state."""
@@ -335,9 +333,8 @@ class TracedEvent:
         if name == "select" and of[1:] == (1.0, 0.0):
             received = f"{self.tracer.text(operand)}: pass the difference that changes its sign"
             raise wrong("surface", _ON_SURFACE, received, TypeError)
-        list_ = self._list_of([operand])
-        read = [operand, *(a for _, _, operands in list_.operations for a in operands)]
-        if not any(type(a) is int and a < len(self.names) for a in read):
+        read = read_by(KeyedProgram.of(self.tracer.values, [operand]), [operand])
+        if not any(a < len(self.names) for a in read):
             how = f"it is {self.tracer.text(operand)}: Event(times=[...]) acts at given times"
             raise ValueError(f"surface: it must depend on the state, {how}")
         return operand

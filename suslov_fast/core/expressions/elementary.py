@@ -50,9 +50,6 @@ def _difference(a, b):
 
 def _split(a):
     """Return (upper, lower) with upper + lower = a: upper has 26 bits, and lower at most 27."""
-    if isinstance(a, float):
-        upper = struct.unpack("<Q", struct.pack("<d", a))[0] & 0xFFFF_FFFF_F800_0000
-        return from_bits(upper), a - from_bits(upper)
     upper = a.then("bits_and", _UPPER)
     return upper, a - upper
 

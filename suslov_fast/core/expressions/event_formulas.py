@@ -41,6 +41,11 @@ class KeyedProgram(Program):
     Tuples of operations are no keys: 1 is the number of a value and 1.0 a constant, but 1 == 1.0.
     """
 
+    @staticmethod
+    def of(values, results):
+        """Return the `KeyedProgram` of the operands `results` in the `Expressions` `values`."""
+        return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
+
     @cached_property
     def _text(self):
         return repr((self.operations, self.results))
@@ -76,11 +81,6 @@ class EventAction(NamedTuple):
             new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
             numbers |= read_by(self.to, new)
         return numbers
-
-    @staticmethod
-    def list_of(values, results):
-        """Return the `KeyedProgram` of the operands `results` in the `Expressions` `values`."""
-        return KeyedProgram(tuple(needed_for(values.operations, results)), tuple(results))
 
 
 def with_parameters(actions, first):

@@ -138,8 +138,6 @@ class ElapsedTime:
         if name in _COMPARISONS and None not in pairs:
             a, b = pairs
             if None is a.whole is b.whole:
-                if same(a.p, 0.0):
-                    return emit(name, emit("fsub", a.q, b.q), b.p)
                 return emit(name, _joined(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
         if name in ("sin", "cos", "tan") and pairs[0].whole is None:
             return emit(name, emit("fadd", self._without_turns(pairs[0].q), pairs[0].p))

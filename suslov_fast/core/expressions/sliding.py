@@ -17,7 +17,7 @@ import numpy as np
 
 from .constraint_forces import Constraint, ExtendedState
 from .contacts import FAR, LEAST, Contact, Contacts, may_be_contact
-from .event_formulas import WITH_GAPS, EventAction
+from .event_formulas import WITH_GAPS, EventAction, KeyedProgram
 from .function_records import same
 from .numpy_evaluation import results_at
 from .programs import emitted, folded, program_of, renamed
@@ -178,28 +178,26 @@ class SlidingEquations(_Rates):
         self.dependent = [pair for pair in all_pairs if self.depends(*pair)]
         self.toward = [self._toward(g) for g in range(self.count)]
         modes = [self._action_of_mode(g) for g in range(self.count)]
-        start = EventAction(None, self._program(self._with_modes(range(D + self.size))), 0, inf)
+        start = KeyedProgram.of(self.values, self._with_modes(range(D + self.size)))
         events = [
             self._contact(k) if k in self.contacts else self._action(a)
             for k, a in enumerate(actions)
         ]
         n = self.surfaces_of_events = sum(action.surface is not None for action in events)
-        self.actions = (*events[:n], *modes, start, *events[n:])
+        self.actions = (*events[:n], *modes, EventAction(None, start, 0, inf), *events[n:])
 
     def _toward(self, g):
         """Return ds/dt below and above surface g, while the solution slides along the others."""
         rates = (self.with_sides({g: is_above})[0] for is_above in (False, True))
         return [self.sign * self.values.dot(self.slopes[g], f) for f in rates]
 
-    def _program(self, results):
-        return EventAction.list_of(self.values, results)
-
     def _contact(self, k):
         """Return the `EventAction` of event k, which also begins and ends the rest there."""
         surface, x = self.resting.action_of(k)
-        direction, to = self.touching[k].direction, self._program(self._with_modes(x, leaving=k))
+        to = KeyedProgram.of(self.values, self._with_modes(x, leaving=k))
+        direction = self.touching[k].direction
         holds = int(direction < 0)  # a body that leaves its rest has no rate
-        return EventAction(self._program([surface]), to, direction, inf, holds)
+        return EventAction(KeyedProgram.of(self.values, [surface]), to, direction, inf, holds)
 
     def _action(self, action):
         """Return the `EventAction` `action` of f without modes, which also sets the modes."""
@@ -209,10 +207,10 @@ class SlidingEquations(_Rates):
             for of_mode, slides in zip(self.surfaces, self.slides, strict=True):
                 if same(s, of_mode):  # along it s is rounding
                     s = slides.select(0.0, self.values.number(s)).number
-            surface = self._program([s])
+            surface = KeyedProgram.of(self.values, [s])
         if to is not None:
             x = [*emitted(self.values, to, dict(self.values.inputs)), *self.values.modes]
-            to = self._program(self._with_modes(x))
+            to = KeyedProgram.of(self.values, self._with_modes(x))
         return action._replace(surface=surface, to=to)
 
     def _action_of_mode(self, g):
@@ -230,7 +228,8 @@ class SlidingEquations(_Rates):
         for i, a in enumerate(jump):
             if not same(a, 0.0):
                 x[i] = lands.select(number(i) - factor * number(a), number(i)).number
-        return EventAction(self._program([surface.number]), self._program(x), -1, inf, 2)
+        s, to = (KeyedProgram.of(self.values, a) for a in ([surface.number], x))
+        return EventAction(s, to, -1, inf, 2)
 
     def _with_modes(self, x, leaving=None):
         """Return operands of a new state, with modes by the sides, and by the rates on surfaces.

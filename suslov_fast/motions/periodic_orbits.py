@@ -18,11 +18,10 @@ from ..fields.field import Field, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import lacking, public
-from . import shooting
 from .event import Event
 from .events import checked_events
 from .motion_arguments import checked_settings
-from .shooting import FieldFlow, Shooting
+from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # part of its size by which a state at rest may change in a period
 _NEUTRAL = 1e-6  # a modulus of a multiplier that is as near to 1 decides nothing
@@ -164,7 +163,7 @@ def periodic_orbit(
     motion = FieldFlow(field, x, settings, acting)
     with np.errstate(all="ignore"):
         T = _checked_period(field, motion, x, period, acting)
-        search = shooting.nearest_orbit(motion, motion.between_events(x, T), T)
+        search = nearest_orbit(motion, motion.between_events(x, T), T)
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
@@ -202,7 +201,7 @@ def _checked_period(
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
     rough = FieldFlow(field, x, Settings(max(motion.settings.rtol, _ROUGH)), events)
-    near, last = shooting.near_return(rough, x)
+    near, last = near_return(rough, x)
     if near is not None:
         return near
     start = f"x0 = {short(x.tolist())}"
@@ -252,7 +251,7 @@ def _one_turn(search: Shooting) -> Shooting:
     turns = np.arange(_TURNS, 1, -1)
     ways = abs(flow.states(x, search.T / turns) - x)[:, search.moving] / search.units
     for m in turns[(ways < _SAME).all(axis=1)]:
-        one = shooting.nearest_orbit(flow, x, search.T / m)
+        one = nearest_orbit(flow, x, search.T / m)
         if not _not_an_orbit(one, one.T):
             which = f"an orbit {m} times around: one turn, of period {one.T:.9g}, is returned"
             warn(f"periodic_orbit found {which}")

@@ -25,8 +25,8 @@ class Columns:
     """The derivatives of trajectories x (B, D) of a field, as C columns of D further variables.
 
     groups, settings  right-hand sides of the members with columns, and settings for these
-    starts            (B, D + D C): the states, then columns: if `by_starts`, the derivatives with
-                      respect to x0 first, then with respect to `parameters`
+    starts            (B, D + D C): the states, then columns: derivatives with respect to x0, if it
+                      is among `names`, then with respect to parameters
     """
 
     def __init__(
@@ -34,12 +34,12 @@ class Columns:
         field: Any,
         x: FloatArray,
         batch: tuple[int, ...],
-        by_starts: bool,
-        parameters: tuple[str, ...],
+        names: tuple[str, ...],
         settings: Settings,
-        actions: tuple[EventAction, ...] = (),
+        actions: tuple[EventAction, ...],
     ) -> None:
         B, self.D = x.shape
+        by_starts, parameters = "x0" in names, tuple(name for name in names if name != "x0")
         self.count = self.D * by_starts + len(parameters)
         values = [field._arrays[name] for name in parameters]
         sizes = [_power_of_2(np.broadcast_to(value, field.shape)) for value in values]
@@ -108,8 +108,7 @@ def with_derivatives(
     actions: tuple[EventAction, ...],
 ) -> tuple[SolverResult, FloatArray]:
     """Return the motion, and its derivatives with respect to `names` (n, ..., D, C), x0 first."""
-    parameters = tuple(name for name in names if name != "x0")
-    columns = Columns(field, x, batch, "x0" in names, parameters, request.settings, actions)
+    columns = Columns(field, x, batch, names, request.settings, actions)
     request = request._replace(settings=columns.settings)
     result = to_tolerance(columns.groups, field.shape, columns.starts, batch, request)
     if actions:

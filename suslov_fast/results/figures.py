@@ -9,7 +9,7 @@ import numpy as np
 from ..checks import FloatArray, extra, integer, kind_of, real_array, short, wrong
 from ..fields.names import latex
 from ..keywords import refuse_unknown
-from .frames import varying_numbers
+from .frames import times_of, varying_numbers
 
 try:
     import matplotlib.pyplot as plt
@@ -62,7 +62,8 @@ def plot_run(
         return ax
     chosen, B = _components(run, components), math.prod(run.status.shape)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
-    states = _drawn(run, chosen).reshape(len(run.states), B, len(chosen))
+    columns = [times_of(run) if k == _TIME else run.states[..., k] for k in chosen]
+    states = np.stack(columns, axis=-1).reshape(len(run.states), B, len(chosen))
     if lines is None:
         lines = len(states) * B <= _MANY and _are_near(states, chosen)
     numbers, name, fixed = _colours(run, color)
@@ -121,14 +122,6 @@ def _components(run: Any, components: Sequence[Any]) -> list[int]:
         for k in components
     )
     return [_TIME if k > last else k for k in places]
-
-
-def _drawn(run: Any, chosen: list[int]) -> FloatArray:
-    """Return the chosen components of the states of a run, with times in place of _TIME."""
-    states = run.states
-    times = np.reshape(run.time, (*run.time.shape, *(1,) * (states.ndim - 1 - run.time.ndim)))
-    times = np.broadcast_to(times, states.shape[:-1])
-    return np.stack([times if k == _TIME else states[..., k] for k in chosen], axis=-1)
 
 
 def _colours(run: Any, color: Any) -> tuple[Any, str, Any]:

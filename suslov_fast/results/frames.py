@@ -89,6 +89,12 @@ def varying_numbers(result: Any) -> dict[str, Any]:
     return {name: arrays[name] for name in names if arrays[name].ndim}
 
 
+def times_of(run: Any) -> FloatArray:
+    """Return the time of each state (n, ...) of a run or a motion."""
+    time = run.time if run.time.ndim > 1 else run.time.reshape(-1, *(1,) * run.status.ndim)
+    return np.broadcast_to(time, run.states.shape[:-1])
+
+
 def table(result: Any) -> Any:
     """Return a result as a table; see `Result.to_dataframe`."""
     parameters = varying_numbers(result)
@@ -111,8 +117,7 @@ def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
         columns["trajectory"] = np.repeat(np.arange(run.status.size), N)
     if hasattr(type(run), "n"):
         columns["n"] = np.tile(run.n, run.status.size)
-    time = run.time.reshape((N, *(1,) * (1 + len(batch) - run.time.ndim), *run.time.shape[1:]))
-    columns["time"] = np.moveaxis(np.broadcast_to(time, (N, *batch)), 0, -1).ravel()
+    columns["time"] = np.moveaxis(times_of(run), 0, -1).ravel()
     for name, values in varying_numbers(run).items():
         columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
     states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body._labels))

@@ -17,15 +17,15 @@ def _parts(text, plan, *names):
 
     Its other attributes are counts: D, `entries` of J, `of_lower` of L, and `of_upper` of U.
     """
-    lengths = {
+    counted = {
         "D": plan.order,
         "entries": plan.rows,
         "of_lower": plan.lower,
         "of_upper": plan.upper,
     }
-    found = {name: Index(text, len(array)) for name, array in lengths.items()}
-    found |= {name: text.constants(getattr(plan, name)).base for name in names}
-    return SimpleNamespace(**found)
+    counts = {name: Index(text, len(array)) for name, array in counted.items()}
+    addresses = {name: text.constants(getattr(plan, name)).base for name in names}
+    return SimpleNamespace(**counts, **addresses)
 
 
 def _between(text, begin, end):
@@ -87,32 +87,34 @@ def add_factors(text, name, plan):
         lower = inverses.at(of.D)
         upper = lower + of.of_lower * size
         for j in text.each(of.D):
-            own, after = _offsets(text, of, j)
-            for inner, row, _ in _along(text, of, own.spans, after.spans, w.at()):
+            column, following = _offsets(text, of, j)
+            for inner, row, _ in _along(text, of, column.spans, following.spans, w.at()):
                 inner.array(row)[0] = 0.0
             w[j] = 0.0
-            for n in _between(text, own.entries, after.entries):
+            for n in _between(text, column.entries, following.entries):
                 product = s * entries[text.short(of.numbers, n)]
                 w[text.short(of.rows, n)] = 0.0 - product
             w[j] = 1.0 + w[j]
-            for n in _between(text, own.pivots, after.pivots):
+            for n in _between(text, column.pivots, following.pivots):
                 k = text.short(of.pivots, n)
-                column, following = _offsets(text, of, k)
+                column_k, next_k = _offsets(text, of, k)
                 factor = _for_rows(text, w[k])
-                numbers = lower + column.of_lower * size
+                numbers = lower + column_k.of_lower * size
                 for inner, row, number in _along(
-                    text, of, column.lower, following.spans, w.at(), numbers
+                    text, of, column_k.lower, next_k.spans, w.at(), numbers
                 ):
                     product = inner.array(number)[0] * factor[inner.W]
                     inner.array(row)[0] = inner.array(row)[0] - product
             inverses[j] = inverse = 1.0 / w[j]
             inverse = _for_rows(text, inverse)
-            numbers = upper + own.of_upper * size
+            numbers = upper + column.of_upper * size
             apart = inverses.at() - w.at()
-            for inner, row, number in _along(text, of, own.spans, own.lower, w.at(), numbers):
+            for inner, row, number in _along(text, of, column.spans, column.lower, w.at(), numbers):
                 inner.array(number)[0] = inner.array(row)[0] * inner.array(row + apart)[0]
-            numbers = lower + own.of_lower * size
-            for inner, row, number in _along(text, of, own.lower, after.spans, w.at(), numbers):
+            numbers = lower + column.of_lower * size
+            for inner, row, number in _along(
+                text, of, column.lower, following.spans, w.at(), numbers
+            ):
                 inner.array(number)[0] = inner.array(row)[0] * inverse[inner.W]
 
 
@@ -135,7 +137,7 @@ def add_solution(text, name, plan):
         for n in _between(text, 0, of.of_lower):
             subtract(lower, of.lower, n)
         for k in text.each(of.D):
-            own = text.short(of.order, k)
-            v[own] = v[own] * inverses[k]
+            i = text.short(of.order, k)
+            v[i] = v[i] * inverses[k]
         for n in _between(text, 0, of.of_upper):
             subtract(upper, of.upper, (of.of_upper - 1) - n)

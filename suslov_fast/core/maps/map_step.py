@@ -40,12 +40,12 @@ class MapStep(ExtendedStep):
             return
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
         programs = (Program(f.fixed, []), f.f, f.derivative)[: 2 + columns]
-        found = emitted(values, united(programs), known)
+        results = emitted(values, united(programs), known)
         # Constants are values, too: the state is made of their numbers.
-        of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in found[:D])
+        of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in results[:D])
         self.after = [*of_x, *range(D, size)]
         if columns:
-            self._add_columns(dict(zip(f.pattern, found[D:], strict=True)), D)
+            self._add_columns(dict(zip(f.pattern, results[D:], strict=True)), D)
         self._add_test(D)
         self.after_rare = self.after
         self._separate_fixed()

@@ -403,6 +403,7 @@ _WORDS = (types.int64,) * 4
 def _address(dispatcher, kinds):
     """Compile a function of Numba for arguments of types `kinds`; return its address."""
     dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
+    # A private name of Numba: without it the error says which Numba was tested (`_compiling`).
     return types.CompileResultWAP(dispatcher.overloads[tuple(kinds)]).address
 
 

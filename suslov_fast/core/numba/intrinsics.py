@@ -3,13 +3,14 @@
 These are calls by address, choices without branches, and stores past the caches.
 
 Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
-`gep` name their types, because pointers of later versions of llvmlite have none.
+`gep` name their types, because pointers of later versions of llvmlite have none. What is not in
+Numba's guide to extensions has no substitute here: a weekly job tests it with the next Numba.
 """
 
 from llvmlite import ir
 from numba import types
-from numba.core import errors
-from numba.core.imputils import lower_constant  # `numba.extending` has its neighbours alone
+from numba.core import errors  # where Numba documents its exceptions
+from numba.core.imputils import lower_constant  # `numba.extending` has the other `lower_` functions
 from numba.extending import (
     intrinsic,
     lower_builtin,

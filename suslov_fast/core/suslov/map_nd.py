@@ -420,14 +420,14 @@ def nd_steps_side_by_side(parameters, omega0, span, output):
     begin, end, start, stop, every, row = span
     if begin == end:
         return True
-    own, m = slice(begin, end), omega0.shape[1]
-    saved, final, carry, status, failed_at = output.of(own)
+    some, m = slice(begin, end), omega0.shape[1]
+    saved, final, carry, status, failed_at = output.of(some)
     c, b = np.zeros((4, m + m % 2, 1, end - begin)), np.empty((ROWS, 1, end - begin))
-    J, I, eps = (a[own] if len(a) > 1 else a for a in parameters)
+    J, I, eps = (a[some] if len(a) > 1 else a for a in parameters)
     c[J_] = np.inf
     c[J_, :m, 0] = J.T
     c[I_, :m, 0] = I.T
-    c[W, :m, 0] = (omega0[own] if start == 0 else final).T
+    c[W, :m, 0] = (omega0[some] if start == 0 else final).T
     if start == 0:
         undefined = np.isnan(c[W, :, 0]).any(axis=0)
         status[undefined], failed_at[undefined] = NONFINITE, 0

@@ -298,14 +298,14 @@ def steps_side_by_side(parameters, omega0, span, output):
     """Take the steps of all trajectories by NumPy, with the bits of `steps`; return True."""
     # NumPy rounds sums, products, quotients and roots as the kernel does.
     begin, end, start, stop, every, row = span
-    own, l = slice(begin, end), slice(None)  # all lanes of a block
-    saved, final, carry, status, failed_at = output.of(own)
+    some, l = slice(begin, end), slice(None)  # trajectories, and all lanes of a block of them
+    saved, final, carry, status, failed_at = output.of(some)
     b = np.zeros((ROWS, end - begin))
     for place, parameter in enumerate(parameters, BODY):
-        b[place] = parameter[own] if len(parameter) > 1 else parameter
+        b[place] = parameter[some] if len(parameter) > 1 else parameter
     fill_frame(b, l)
     if start == 0:
-        b[W1], b[W2] = omega0[own].T
+        b[W1], b[W2] = omega0[some].T
         start_lane(b, l)
         b[R] = length(b[U], b[V]) / np.sqrt(1.0 + b[XG] * b[XG])
         status[b[TOO_LONG] > 0.0] = SUPERCRITICAL

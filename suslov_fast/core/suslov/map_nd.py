@@ -39,7 +39,7 @@ from ..numba.decorators import ZERO, as_python, formula, function, inlined, kern
 from ..numba.gauss import TO_SOLVE, eliminate, keeps_digits, memory_of_one, solve
 from ..numba.intrinsics import lesser, select
 from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
-from .blocks import write_states
+from .blocks import empty_at_line, write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
 # Rows of b after the rows of `gauss.eliminate`:
@@ -328,8 +328,9 @@ def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lesser(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
-    memory = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
-    systems = None if by_elimination is None else np.empty((m, m + 1, lanes))
+    block, rows = empty_at_line((4, m + m % 2, lanes)), empty_at_line((1, ROWS, lanes))[0]
+    memory = block, rows, memory_of_one(m)
+    systems = None if by_elimination is None else empty_at_line((m, m + 1, lanes))
     (c, b, for_solve), a = uncounted(memory), uncounted(systems)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):

@@ -11,10 +11,9 @@ and a row (r, r_n) of R becomes, with c = 2 / (1 + |b|**2),
 Rounding errors of R^T R = 1 are removed at states with indices that are multiples of CLEAN_EVERY.
 """
 
-import numpy as np
-
 from ..numba.decorators import function, kernel, share
 from ..numba.gauss import simd_max
+from .blocks import empty_at_line
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
 CLEAN_EVERY = 16
@@ -35,8 +34,9 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
     """
     count, B, D = omega.shape
     lanes = min(64 if D < 8 else 8, (max(B, 1) + 7) // 8 * 8)
-    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((3, lanes))
-    gram, cleaned = np.empty(r.shape), np.empty(r.shape)
+    r = empty_at_line((D + 1, D + 1, lanes))
+    b, c = empty_at_line((1, D, lanes))[0], empty_at_line((1, 3, lanes))[0]
+    gram, cleaned = empty_at_line(r.shape), empty_at_line(r.shape)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = block * lanes, next_row

@@ -48,15 +48,6 @@ def weights_at(v):
     return of_states, of_rates
 
 
-def weights_of_test(v):
-    """Return weights as `weights_at` does: for p - x at v quarters, and for the derivative p'."""
-    weights = weights_at(complex(v, 2.0**-60))  # f(v + i d) = f(v) + i d f'(v) + O(d**2)
-    return (
-        [[weight.real for weight in each] for each in weights],
-        [[weight.imag * 2.0**60 for weight in each] for each in weights],
-    )
-
-
 @scalar_kernel
 def WITH_SIGN(value, x, keeps):
     """Return `value`, a component inside a step, with the sign of x, its start, if `keeps` is 1."""
@@ -147,8 +138,9 @@ def _find_nodes(code):
         text.copy(work.f, f, D)
     sums = Carried(ratio=0.0, total=0.0)
     for v in TESTS:
-        of_value, of_slope = weights_of_test(v)
-        _put_between(code, of_value)
+        both = weights_at(complex(v, 2.0**-60))  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
+        _put_between(code, [[weight.real for weight in each] for each in both])
+        of_slope = [[weight.imag * 2.0**60 for weight in each] for each in both]
         code.call("f", work.start, code.table, work.f)
         for i in text.each(D, sums):
             defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f[i])

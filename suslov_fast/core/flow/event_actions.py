@@ -258,8 +258,7 @@ def find_sides(code, begins):
 
 def _is_at_stop(code):
     """Return in which lanes the step has reached the next given time of an event."""
-    accepted = code.work.accepted[0] > 0.0
-    return accepted & (code.line.t[0] >= code.line.stop[0])
+    return (code.work.accepted[0] > 0.0) & (code.line.t[0] >= code.line.stop[0])
 
 
 def _is_running(code):

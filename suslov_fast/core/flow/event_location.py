@@ -148,6 +148,7 @@ def OUTCOME(
     cuts     it crosses a surface and does not end close to it: a shorter one is next
     holds    it does not reach the surface of a search: a longer one is next
     again    it may hide crossings: a shorter one is next
+    refused  it is taken again for one of these reasons
     ends     it has no end (`ended` is 1), because f has no value beyond the surface at its start
     lands    a step aside, which has `served`, ends on a surface, and so moves the state
     moves    the state moves to the end of the step
@@ -162,12 +163,14 @@ def OUTCOME(
     again = (hides & is_right & ~(cuts | arrives)) | has_waves
     holds = searched & is_right & ~(crosses | again | arrives)
     holds = holds & (taken < larger(outer, 0.25 * whole)) & (t < goal)
-    is_over = ~(cuts | holds | again) & (accepted + lands.select(1.0, 0.0) > 0.0)
-    moves, where = is_over | ends, ends.select(3.0, arrives.select(2.0, 1.0))
+    refused = cuts | holds | again
+    moves = ~refused & (accepted + lands.select(1.0, 0.0) > 0.0) | ends
+    where = ends.select(3.0, arrives.select(2.0, 1.0))
     return {
         "cuts": cuts,
         "holds": holds,
         "again": again,
+        "refused": refused,
         "ends": ends,
         "lands": lands,
         "moves": moves,
@@ -248,16 +251,15 @@ def NEXT_LENGTH(
 
 @scalar_kernel
 def TIME_AND_STATE(
-    before, t, steps, state, tries, accepted, next, last, most, mode, jumps, crosses, cuts, holds,
-    again, ends, lands, moves,
+    before, t, steps, state, tries, accepted, next, last, most, mode, jumps, crosses, refused, ends,
+    lands, moves,
 ):  # fmt: skip
     """Return `t`, `steps` and `state` after a step, and whether f may have `jumped` at its end.
 
-    A step that is taken again leaves no trace; `before` is its beginning. A step aside that `lands`
+    A step that is `refused` leaves no trace; `before` is its beginning. A step aside that `lands`
     on a surface is a step to the time `next`. `jumps` is 1 if f jumps at the surface. There, or if
     f ends there, a lane goes on in the state `mode`, unless there are more than `most` tries.
     """
-    refused = cuts | holds | again
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
     stopped = (state >= LaneState.DONE).select(running, state)

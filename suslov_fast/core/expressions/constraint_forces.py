@@ -18,16 +18,11 @@ from .values import Number, operand_of
 
 
 class Constraint(NamedTuple):
-    """A constraint, by values of a program.
+    """A constraint, by values of a program."""
 
-    holds      the truth value that it holds
-    gradient   {component: operand} of n, the gradient of the surface
-    direction  operands (D) of d, the direction of its force
-    """
-
-    holds: Number
-    gradient: dict
-    direction: list
+    holds: Number  # the truth value that it holds
+    gradient: dict  # {component: operand} of n, the gradient of the surface
+    direction: list  # operands (D) of d, the direction of its force
 
 
 class ExtendedState(Expressions):

@@ -100,7 +100,8 @@ class Contacts:
     def action_of(self, k):
         """Return operands of the surface where event k acts or rest ends, and of the new state."""
         contact, number = self.contacts[k], self.values.number
-        s, rests, way = contact.s, contact.constraint.holds, FAR * (self.time * self.time)
+        s, rests = contact.s, contact.constraint.holds
+        way = FAR * (self.time * self.time)
         # A surface that jumps away from a body at rest ends its rest, too.
         is_on = s * s <= way * way * contact.square + LEAST
         surface = rests.select(is_on.select(self.reactions[k], -self.reactions[k]), s)
@@ -116,7 +117,8 @@ class Contacts:
 
         `leaving` is the number of the event at which a body leaves its rest, if it rests there.
         """
-        values, number, time, x = self.values, self.values.number, self.time, [*x]
+        values, number, time = self.values, self.values.number, self.time
+        x = [*x]
         terms = values.at(x, [a for c in self.contacts.values() for a in (c.s, c.rate)])[1]
         heights = [LOW * (a + b * time) for a, b in zip(terms[::2], terms[1::2], strict=True)]
         low = reduce(larger, heights)  # up to here values of s are rounding

@@ -46,7 +46,8 @@ class _Rates:
     """
 
     def __init__(self, f, comparisons, pairs, touching, D, P):
-        self.f, self.comparisons, self.pairs, self.D, self.touching = f, comparisons, pairs, D, {}
+        self.f, self.D = f, D
+        self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
         # If f has no value beyond a surface, |s| is at least 0 there.
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
@@ -58,9 +59,12 @@ class _Rates:
         self.surfaces = [values.difference(*renamed(pair, new)) for pair in pairs]
         self.slopes = values.slopes(self.surfaces)
         self.slides = [mode * mode < 0.5 for mode in modes]
+        self.touching = {}
         free = self.with_sides({})[0] if touching else None
-        for c, (k, action) in enumerate(touching.items()):
-            self.touching[k] = Contact(values, action, D + count + c, free)
+        self.touching = {
+            k: Contact(values, action, mode, free)
+            for mode, (k, action) in enumerate(touching.items(), D + count)
+        }
         self.constraints = self._constraints({})
 
     def _constraints(self, sides):
@@ -215,10 +219,11 @@ class SlidingEquations(_Rates):
 
     def _action_of_mode(self, g):
         """Return the `EventAction` that acts where the mode of surface g ends."""
-        number, place, x = self.values.number, self.D + g, [*range(self.D + self.size)]
+        number, place = self.values.number, self.D + g
         s, mode, w = number(self.surfaces[g]), number(place), self.factors[place]
         slides, slope, jump = self.constraints[place]
         surface = slides.select(w * (1.0 - w), mode * s)
+        x = [*range(self.D + self.size)]
         x[place] = slides.select((w > 0.5).select(1.0, -1.0), mode).number
         # Other modes may end with this one.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
@@ -272,7 +277,8 @@ class SlidingEquations(_Rates):
         state lies beyond its mode, or where solutions slide along two surfaces and the jump at one
         depends on the side of the other. `at` is as in `_decided`.
         """
-        D, number, n, values = self.D, self.values.number, self.count, self.values
+        D, n = self.D, self.count
+        values, number = self.values, self.values.number
         modes = [number(a) for a in x[D : D + n]]
         s, sizes = values.at(x, self.surfaces)
 

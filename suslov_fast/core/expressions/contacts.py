@@ -113,9 +113,11 @@ class Contacts:
         return surface.number, [*x, *self.values.modes]
 
     def decided(self, x, leaving=None):
-        """Return operands of the state x, with modes of contacts: bodies that bounce too low rest.
+        """Return operands of the state x, with the modes of contacts there.
 
-        `leaving` is the number of the event at which a body leaves its rest, if it rests there.
+        A body on its surface rests if its next bounce would be rounding, and if its reaction does
+        not pull. A body at rest has no speed. `leaving` is the number of the event at which a body
+        leaves its rest, if it rests there.
         """
         values, number, time = self.values, self.values.number, self.time
         x = [*x]

@@ -40,9 +40,9 @@ def pytest_collection():
 # tests those come first that take longest, so that both processes end at about one time.
 FIRST = (
     "promises integrability planar implicit levels right_hand_sides functions motion_engine "
-    "field strangers errors terms kernels"
+    "field untrusted_files errors kernels"
 )
-SLOWEST = "first_calls cases docs promises integrability numba hashes flows"
+SLOWEST = "first_calls docs promises integrability numba hashes published_flows"
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects

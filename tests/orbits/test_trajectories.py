@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import samples
-from kinds import BODY, FOUR, RUNS, STARTS, run_of
+from example_runs import BODY, FOUR, RUNS, STARTS, run_of
 
 import suslov_fast as sf
 from suslov_fast.results.schema import in_datasets

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 import xarray
-from kinds import BODY, RUNS, run_of
+from example_runs import BODY, RUNS, run_of
 
 import suslov_fast as sf
 from suslov_fast.results.schema import FORMAT, OF_KIND

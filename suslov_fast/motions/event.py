@@ -49,15 +49,14 @@ _MOST_TRACED = 64  # fields for which an event keeps its traced functions
 class Event:
     """An event along motions, on a surface or at given times: an argument of :func:`flow`.
 
-    Events are doses, resets, bounces, spikes, switches and ends of trajectories.
+    An event is a dose, a reset, a bounce, a spike, a switch, or the end of a trajectory.
     ``flow(system, x0, time=t, events=[...])`` accepts one or more of them, and ``Motion.events``
     records when they happened. The functions of an event are traced, as the function of a
     :class:`Field` is, and run as machine code. After the state they may have arguments with the
     names of parameters of the system.
 
-    An event stores the values that outside names in its functions have when the event is made. So
-    a loop variable in such a function is a constant of the event. Values of parameters come from
-    the system instead.
+    If a function uses other names from outside, the event keeps the values that they have when the
+    event is made. So a loop variable is a constant of the event.
 
     Parameters
     ----------
@@ -73,15 +72,15 @@ class Event:
     terminal : bool
         If True, the event ends the trajectory, which then has the status STOPPED.
     direction : {"both", "up", "down"} or {0, 1, -1}
-        "up" and "down" restrict the event to points where s increases, or decreases, in the
-        direction of the computation. That is backwards in time if the times of :func:`flow` are
-        negative.
+        With "up" the event happens only where s increases, with "down" only where s decreases, in
+        the direction of the computation. If the times of :func:`flow` are negative, this direction
+        is backwards in time.
     times : array_like(float, shape=(k,) or (..., k)), optional
         In place of a surface, the times of the event: k times for all trajectories, or k times for
         each one, where ``...`` broadcasts with the batch. NaN fills places without a time.
     most : int, optional
         The number of times that the event happens, 1 or more; the last time ends the trajectory.
-        It does not count when a body that rests on the surface leaves it.
+        Moments at which a resting body leaves the surface do not count.
 
     Notes
     -----

@@ -64,12 +64,12 @@ def lyapunov_exponents(
     the motion, as :func:`flow` computes it. For a :class:`Map` they are per step.
 
     Tangent vectors follow the derivative of the map, or the variational equations of the motion.
-    They are decomposed as Q R before they lose digits, and Q goes on (Benettin's method). The
-    exponents are the mean logarithms of the diagonals of R, per step or divided by the time. Their
-    sum equals the mean of ``log |det DPhi| / |eps|``, or the mean of the trace of f'; for maps the
-    relative error of the sum is 1e-10. Where f jumps, tangent vectors are multiplied by the
-    saltation matrix S, so the sum of logarithms gets ``log |det S|``. The exponents of an orbit
-    have the same bits in any batch.
+    Before they lose digits, they are decomposed as Q R, and the columns of Q replace them
+    (Benettin's method). The exponents are the sums of the logarithms of the diagonals of R, divided
+    by the time. Their sum equals the mean of ``log |det DPhi| / |eps|``, or the mean of the trace
+    of f'; for maps the relative error of the sum is 1e-10. Where f jumps, the saltation matrix S
+    multiplies tangent vectors, and adds ``log |det S|`` to the sum of logarithms. The exponents of
+    an orbit have the same bits in any batch.
 
     Parameters
     ----------

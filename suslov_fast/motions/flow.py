@@ -76,7 +76,7 @@ def flow(
     Parameters
     ----------
     system : Field, Suslov3D, SuslovND or callable
-        A single field or body, or a batch. A function of the state can stand for a field: its
+        A single field or body, or a batch. A function of the state may replace the field: its
         variables are x1, x2, ..., as many as x0 has components, and it has no parameters.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities of a body. A dictionary gives the
@@ -88,10 +88,10 @@ def flow(
         ``Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. In each step the estimated error of a component
-        stays below `rtol` times the largest absolute value that the component has had on the
-        trajectory. For very small components the limit is 2**-60 times the largest component. If a
-        component becomes so small that it loses its digits, and then grows again by itself, the
-        trajectory is computed again with a relative tolerance for this component.
+        stays below `rtol` times its size. The size is the largest absolute value that it has had on
+        the trajectory, and at least 2**-60 times the largest size of all components. If a component
+        becomes so small that it loses its digits, and then grows again by itself, the trajectory is
+        computed again with a relative tolerance for this component.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
         below ``atol[i] + rtol * abs(x[i])``, or below the rounding error of the step if that is
@@ -104,10 +104,10 @@ def flow(
     events : Event or sequence of Event
         Events at times or on surfaces, see :class:`Event`; ``motion.events`` records them.
     derivatives : str or sequence of str
-        Names of what to differentiate the motion with respect to: "x0", and parameters of the
-        field, as in "x0 k c". Then ``motion.derivatives[name]`` is the derivative. The variational
-        equations are solved to the same tolerance, relative to the size of x0 or of the parameter.
-        With derivatives also the motion of a body is solved to the tolerance.
+        The motion is differentiated with respect to these: "x0", and parameters of the field, as
+        in "x0 k c". Then ``motion.derivatives[name]`` is the derivative. The variational equations
+        are solved to the same tolerance, relative to the size of x0 or of the parameter. With
+        derivatives also the motion of a body is solved to the tolerance.
     threads, progress
         As in :func:`iterate`. `progress` counts states; if it returns False, states that are not
         computed yet are NaN. A solution has the same bits with any number of threads, and in any

@@ -35,7 +35,8 @@ class Motion(States):
     names : tuple of str
         Names of the components.
     status : ndarray(int8, shape=(...))
-        The :class:`Status` of each trajectory: OK, or negative if it has no state at the last time.
+        The :class:`Status` of each trajectory: OK; STOPPED, which is positive, if an event ended
+        it; or negative if it has no state at the last time.
     end : ndarray(float, shape=(...))
         The last time of each trajectory: the last one in `time`, or the time at which the solution
         or its computation ended.

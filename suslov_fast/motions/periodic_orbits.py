@@ -129,9 +129,9 @@ def periodic_orbit(
     -----
     UserWarning
         If `period` is a multiple of the period of the orbit: the result is the orbit for one turn.
-        If the orbit neither attracts nor passes near x0: with its period and its distance. If the
-        orbit belongs to a family: more multipliers are 1 than the flow and the known integrals
-        explain. Known integrals are linear ones, and the H of `Field.from_hamiltonian`.
+        If the orbit neither attracts nor passes near x0: the warning has its period and distance.
+        If the orbit belongs to a family: more multipliers are 1 than the flow and the known
+        integrals explain. Known integrals are linear ones, and the H of `Field.from_hamiltonian`.
 
     See Also
     --------

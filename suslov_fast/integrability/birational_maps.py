@@ -31,8 +31,8 @@ from .polynomials import (
     homogenized,
     irreducible_factors,
     modulo,
+    polynomial_ring,
     random_line,
-    ring_with_letters,
     sort_key,
     value_at,
 )
@@ -246,7 +246,7 @@ class RationalMap(WithLetters):
     @cached_property
     def ring(self) -> Any:
         """The ring of polynomials in x, and in the letters."""
-        return ring_with_letters(self.dimension, self.letters)
+        return polynomial_ring(self.dimension, self.letters)
 
     @property
     def variables(self) -> list[Any]:

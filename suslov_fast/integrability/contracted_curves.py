@@ -69,7 +69,7 @@ class Plane:
 
     def __init__(self, map: RationalMap) -> None:
         self.map, self.symbolic, self.degree = map, len(map.letters), map.degree
-        self.ring = polynomial_ring(3, self.symbolic)
+        self.ring = polynomial_ring(3, map.letters)
         x = self.ring.gens()[self.symbolic :]
         self.forms = [homogenized(F, self.degree, x, self.ring) for F in map.forms]
         derivatives = [[F.derivative(self.symbolic + j) for j in range(3)] for F in self.forms]

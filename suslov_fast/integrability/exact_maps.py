@@ -25,7 +25,7 @@ from .birational_maps import RationalMap, check_map
 from .composed_maps import composed
 from .interpolation import MOST
 from .kahan_maps import InLetters, KahanMap, exact_body, kahan
-from .polynomials import ring_with_letters
+from .polynomials import polynomial_ring
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
 
 
@@ -116,7 +116,7 @@ def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
     if letters is None:
         return system if isinstance(system, RationalMap) else kahan(system, eps)
     names = checked_letters(system, letters)
-    ring = ring_with_letters(system.dimension, ["eps", *names])
+    ring = polynomial_ring(system.dimension, ["eps", *names])
     symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
     places = places_of_letters(system)
     given = {name: places[name][-1] for name in names}
@@ -210,7 +210,7 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
         raise wrong(name, "a Map", received, TypeError)
     if map.shape:
         raise wrong(name, "a single one", f"a family of shape {map.shape}: pass {name}[i]")
-    D, ring = map.dimension, ring_with_letters(map.dimension, letters)
+    D, ring = map.dimension, polynomial_ring(map.dimension, letters)
     symbols = [factored(x) for x in ring.gens()]
     named = dict(zip(letters, symbols, strict=False))
     x = symbols[len(letters) :]

@@ -150,7 +150,7 @@ class _Equations:
     def __init__(self, map: RationalMap, integrals: Any, letter: str) -> None:
         self.map, self.letter = map, letter
         self.D = D = map.dimension
-        self.ring, self.plane = (polynomial_ring(n, bool(letter)) for n in (D, 2))
+        self.ring, self.plane = (polynomial_ring(n, [letter] * bool(letter)) for n in (D, 2))
         self.parts = [self._numerator_and_denominator(f) for f in integrals]
         functions = [factored(P) / factored(Q) for P, Q in self.parts]
         shown = (without_constant(f).renamed(map.names or labels(D), letter) for f in functions)

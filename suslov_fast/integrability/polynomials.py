@@ -40,22 +40,16 @@ copyreg.pickle(flint.fmpz_mpoly, lambda P: (_from_terms, (P.context().names(), P
 # Rings and names of variables.
 
 
-def polynomial_ring(n: int, symbolic: int) -> Any:
-    """Return the ring of polynomials in n variables, and in eps if it is symbolic."""
-    return flint.fmpz_mpoly_ctx.get((*["eps"] * symbolic, *labels(n)), ordering="deglex")
+def polynomial_ring(n: int, letters: Sequence[str] = ()) -> Any:
+    """Return the ring of polynomials in letters and n variables; a single letter is called eps."""
+    names = [name if name == "eps" else _LETTER + _encoded(name) for name in letters]
+    first = ["eps"] if len(names) == 1 else names
+    return flint.fmpz_mpoly_ctx.get((*first, *labels(n)), ordering="deglex")
 
 
 def ring_modulo(p: int, n: int) -> Any:
     """Return the ring of polynomials in n variables modulo a prime."""
     return flint.nmod_mpoly_ctx.get(labels(n), p, ordering="deglex")
-
-
-def ring_with_letters(n: int, letters: Sequence[str]) -> Any:
-    """Return the ring of polynomials in letters and n variables; a single letter is called eps."""
-    if len(letters) < 2:
-        return polynomial_ring(n, len(letters))
-    names = ("eps" if name == "eps" else _LETTER + _encoded(name) for name in letters)
-    return flint.fmpz_mpoly_ctx.get((*names, *labels(n)), ordering="deglex")
 
 
 def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:

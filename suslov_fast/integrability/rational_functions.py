@@ -187,7 +187,7 @@ class RationalFunction(WithLetters):
 
     def __add__(self, other: Any) -> RationalFunction:
         other = as_function(other)
-        ring = self._ring or other._ring or polynomial_ring(0, False)
+        ring = self._ring or other._ring or polynomial_ring(0)
         *numerators, denominator = over_common_denominator((self, other), ring)
         return factored(sum(numerators)) / factored(denominator)
 
@@ -231,7 +231,7 @@ class RationalFunction(WithLetters):
 
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials; a constant needs their `ring`."""
-        ring = ring or self._ring or polynomial_ring(0, False)
+        ring = ring or self._ring or polynomial_ring(0)
         numerator = ring.constant(self.constant.numerator)
         denominator = ring.constant(self.constant.denominator)
         numerator *= math.prod(P**e for P, e in self._powers(1))

@@ -267,14 +267,9 @@ def _of_group(
     engine = BatchSolver(f, table, starts, request, states)
     engine.run(threads, begun)
     result = _result_of(engine, starts)
-    (where,) = np.nonzero(engine.state == LaneState.AGAIN)
-    if not len(where) or engine.is_stopped:
+    if engine.is_stopped or not np.count_nonzero(engine.state == LaneState.AGAIN):
         return result
-    table = table if table.ndim == 1 else table[where]
-    request = _part_of(request, where, engine.report_of_part(where))
-    part = _again(f, table, starts[where], request, engine.lost[where])
-    part.all_ends.repeated[:] = 1
-    return result.again(where, part)
+    return _again(engine, result, table, starts)
 
 
 def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
@@ -294,43 +289,43 @@ def _rows_of(records: Any, starts: FloatArray, request: SolverRequest) -> Rows |
 
 
 def _again(
-    f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest, lost: FloatArray
+    engine: BatchSolver, result: SolverResult, table: FloatArray, starts: FloatArray
 ) -> SolverResult:
-    """Return trajectories that had an alarm, with relative digits of the components that lost them.
+    """Return a result in which trajectories with an alarm are computed again.
 
-    These have RELATIVE in `lost` (B, D). Another alarm adds some, the third one all. If a solution
-    ends sooner than without relative digits, it has none, and is doubtful.
+    They have relative digits of the components that lost theirs (RELATIVE). Another alarm adds
+    components, the third one all. If a solution then ends sooner than without relative digits, it
+    has none, and is doubtful.
     """
+    f, request = engine.f, engine.request
 
     def run(which: NDArray[np.int64], lost: FloatArray, acts: bool) -> BatchSolver:
-        part = _part_of(request, which, request.report)
-        part = part._replace(settings=closer(request.settings))
+        part = _part_of(request, which, report)._replace(settings=closer(request.settings))
         states = np.full((len(request.times), len(which), starts.shape[1]), np.nan)
         own = table if table.ndim == 1 else table[which]
         engine = BatchSolver(f, own, starts[which], part, states, lost, acts)
         engine.run(threads_for(len(which), request.threads))
         return engine
 
-    relative = np.where(lost < 0.0, RELATIVE, 0.0)
-    engine = run(np.arange(len(starts)), relative, True)
-    found = _result_of(engine, starts)
-    where = np.flatnonzero(engine.state == LaneState.AGAIN)
-    for acts in (True, False):
-        if not len(where) or found.is_stopped:
-            break
-        lost = engine.lost[engine.state == LaneState.AGAIN]
+    first = where = np.flatnonzero(engine.state == LaneState.AGAIN)
+    lost, report = engine.lost[where], engine.report_of_part(where)
+    for acts in (True, True, False):
         engine = run(where, np.where((lost < 0.0) | (not acts), RELATIVE, 0.0), acts)
-        found = found.again(where, _result_of(engine, starts[where]))
-        where = where[engine.state == LaneState.AGAIN]
-    (where,) = np.nonzero(np.isin(found.all_ends.status, _ENDS))
-    if len(where) and not found.is_stopped:
-        first = _result_of(run(where, np.zeros((len(where), lost.shape[1])), False), starts[where])
-        t, last = first.all_ends.t, found.all_ends.t[where]
+        result = result.again(where, _result_of(engine, starts[where]))
+        alarms = engine.state == LaneState.AGAIN
+        where, lost = where[alarms], engine.lost[alarms]
+        if not len(where) or result.is_stopped:
+            break
+    where = first[np.isin(result.all_ends.status[first], _ENDS)]
+    if len(where) and not result.is_stopped:
+        plain = _result_of(run(where, np.zeros((len(where), f.of.D)), False), starts[where])
+        t, last = plain.all_ends.t, result.all_ends.t[where]
         (lasts,) = np.nonzero(np.isnan(t) | (abs(t) > LATER * abs(last)))
-        part = first.part(lasts)
+        part = plain.part(lasts)
         part.all_ends.doubtful[:] = NO_DIGITS
-        found = found.again(where[lasts], part)
-    return found
+        result = result.again(where[lasts], part)
+    result.all_ends.repeated[first] = 1
+    return result
 
 
 def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> SolverRequest:

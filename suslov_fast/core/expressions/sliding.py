@@ -159,7 +159,7 @@ class SlidingEquations(_Rates):
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
         if len(pairs) + len(touching) > MOST:
             return
-        # Only surfaces at which f jumps across have modes, and other contacts with a force.
+        # Modes belong to surfaces across which f jumps, and to contacts with a force at others.
         trial = _Rates(f, comparisons, pairs, touching, D, P)
         pairs = [pair for g, pair in enumerate(pairs) if trial.changes(D + g, D + g)]
         for k, contact in trial.touching.items():
@@ -183,10 +183,7 @@ class SlidingEquations(_Rates):
         self.toward = [self._toward(g) for g in range(self.count)]
         modes = [self._action_of_mode(g) for g in range(self.count)]
         start = KeyedProgram.of(self.values, self._with_modes(range(D + self.size)))
-        events = [
-            self._contact(k) if k in self.contacts else self._action(a)
-            for k, a in enumerate(actions)
-        ]
+        events = [self._event(k, action) for k, action in enumerate(actions)]
         n = self.surfaces_of_events = sum(action.surface is not None for action in events)
         self.actions = (*events[:n], *modes, EventAction(None, start, 0, inf), *events[n:])
 
@@ -195,26 +192,21 @@ class SlidingEquations(_Rates):
         rates = (self.with_sides({g: is_above})[0] for is_above in (False, True))
         return [self.sign * self.values.dot(self.slopes[g], f) for f in rates]
 
-    def _contact(self, k):
-        """Return the `EventAction` of event k, which also begins and ends the rest there."""
-        surface, x = self.resting.action_of(k)
-        to = KeyedProgram.of(self.values, self._with_modes(x, leaving=k))
-        direction = self.touching[k].direction
-        holds = int(direction < 0)  # a body that leaves its rest has no rate
-        return EventAction(KeyedProgram.of(self.values, [surface]), to, direction, inf, holds)
-
-    def _action(self, action):
-        """Return the `EventAction` `action` of f without modes, which also sets the modes."""
-        surface, to = action.surface, action.to
-        if surface is not None:
-            [s] = emitted(self.values, surface, dict(self.values.inputs))
-            for of_mode, slides in zip(self.surfaces, self.slides, strict=True):
-                if same(s, of_mode):  # along it s is rounding
-                    s = slides.select(0.0, self.values.number(s)).number
-            surface = KeyedProgram.of(self.values, [s])
-        if to is not None:
-            x = [*emitted(self.values, to, dict(self.values.inputs)), *self.values.modes]
-            to = KeyedProgram.of(self.values, self._with_modes(x))
+    def _event(self, k, action):
+        """Return the `EventAction` `action` of event k, which also sets the modes."""
+        values = self.values
+        if k in self.contacts:  # it also begins and ends the rest there
+            s, x = self.resting.action_of(k)
+            surface, to = [s], self._with_modes(x, leaving=k)
+            # A body that leaves its rest has no rate.
+            action = action._replace(most=inf, holds=int(action.direction < 0))
+        else:
+            surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
+            for s, slides in zip(self.surfaces, self.slides, strict=True):
+                if surface and same(surface[0], s):  # while the solution slides, s is rounding
+                    surface = [slides.select(0.0, values.number(s)).number]
+            to = x and self._with_modes([*x, *values.modes])
+        surface, to = (of and KeyedProgram.of(values, of) for of in (surface, to))
         return action._replace(surface=surface, to=to)
 
     def _action_of_mode(self, g):

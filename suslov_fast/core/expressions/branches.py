@@ -158,7 +158,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     branches = Branches(in_order, P, places, bool(groups))
     choices_of_jumps = range(D + P, D + P + branches.jumps)
     fixed = Expressions(given, range(D, choices_of_jumps.stop))
-    tests = Expressions(given, values.fixed)  # the branches themselves
+    tests = Expressions(given, values.fixed)  # of the conditions
     new, of_branches, truths, shifts = _with_choices(
         operations, fixed, tests, D + P, surfaces, shifted, groups
     )
@@ -166,7 +166,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     evaluated = [*of_branches, *(new[a] for a in of_events), *shifts]
     given_to = {"surfaces": evaluated, "jumps": len(jumps), "kept": range(D, given)}
     f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
-    plain = RightHandSide(values, results, P)  # a rate that is constant along a step may change
+    # A rate that depends on branches is constant along a step, but not along the motion.
+    plain = RightHandSide(values, results, P)
     f.steady, f.clocks = plain.steady, plain.clocks
     f.events, f.offsets, f.branches = events, offsets, branches
     _watch(f, [*in_order, *events_on_surfaces])
@@ -232,7 +233,7 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
             continue
         kind, choice, jumps = surfaces[number]
         if is_table(kind):
-            if number in shifted:  # the ends of the interval in its branch are less by q
+            if number in shifted:  # its branch has the ends of the interval, less q
                 p, q = shifted[number]
                 of, others = [new.get(p, p)], [old.get(p, p)]
                 shifts[number] = new.get(q, q)
@@ -275,8 +276,8 @@ def _choosing(values, operations, of_states, moving):
         if is_table(name):
             is_kink = name.is_continuous or number not in of_states
             (kinks if is_kink else jumps)[number] = name
-        elif name == "floor" or (name in _COMPARISONS and not same(*operands)):  # a == a: no NaN
-            jumps[number] = name
+        elif name == "floor" or (name in _COMPARISONS and not same(*operands)):
+            jumps[number] = name  # but not a == a, which asks for NaN
         elif name in _EXTREMES or (name == "fabs" and not _is_0_times(values, *operands)):
             kinks[number] = _EXTREMES.get(name, "ogt")
     return jumps, kinks

@@ -17,9 +17,11 @@ from .numpy_evaluation import results_at
 from .programs import emitted
 from .values import joined, larger
 
-SOON, LOW = 2.0**-35, 2.0**-42  # parts of the time, and of terms: bounces below these are rest
-FAR = 2.0**-16  # part of the way of a free body, beyond which a body no longer rests
-PULL = 64.0  # rate, times the time, with which a body that rests is pulled back to its surface
+# Bounces that last less than SOON times the time, or are lower than LOW times the terms of the
+# surface, are a rest.
+SOON, LOW = 2.0**-35, 2.0**-42
+FAR = 2.0**-16  # part of the way of a free body: a body that is farther from its surface is free
+PULL = 64.0  # rate of the pull of a body at rest to its surface, times the time
 LEAST = 2.0**-1000
 
 
@@ -123,7 +125,7 @@ class Contacts:
         x = [*x]
         terms = values.at(x, [a for c in self.contacts.values() for a in (c.s, c.rate)])[1]
         heights = [LOW * (a + b * time) for a, b in zip(terms[::2], terms[1::2], strict=True)]
-        low = reduce(larger, heights)  # up to here values of s are rounding
+        low = reduce(larger, heights)  # smaller values of s are rounding
         for k, c in self.contacts.items():
             rests = c.constraint.holds
             (s, rate, bend, square), _ = values.at(x, (c.s, c.rate, c.bend, c.square))

@@ -88,7 +88,7 @@ _OF_LISTS = [
     Function("tan", 1, lambda a, y: 1.0 + y * y, True),
     Function("sinh", 1, lambda a, y: a.then("cosh"), True),
     Function("cosh", 1, lambda a, y: a.then("sinh")),
-    # It has more digits than 1 - y**2.
+    # This form has more digits than 1 - y**2.
     Function("tanh", 1, lambda a, y: (1.0 / a.then("cosh")) / a.then("cosh"), True),
     Function("arcsin", 1, lambda a, y: _per_roots(1.0 - a, 1.0 + a), True, "asin"),
     Function("arccos", 1, lambda a, y: -_per_roots(1.0 - a, 1.0 + a), False, "acos"),
@@ -134,7 +134,7 @@ def _extreme(name):
     def formula(a, b):
         if isinstance(b.number, float):
             a, b = b, a
-        result = a.then(name, b)  # b if either is NaN
+        result = a.then(name, b)  # this is b if a or b is NaN
         return result if isinstance(a.number, float) else a.equals(a).select(result, a)
 
     return formula
@@ -144,12 +144,12 @@ _minimum, _maximum = _extreme("min"), _extreme("max")
 
 
 def _sign(a):
-    zero = abs(0.0 * a)  # or NaN
+    zero = abs(0.0 * a)  # NaN if a is NaN
     return (a > 0.0).select(1.0, (a < 0.0).select(-1.0, zero))
 
 
 def _heaviside(a, middle):
-    at_0 = a.equals(0.0).select(middle, 0.0 * a)  # NaN if a is
+    at_0 = a.equals(0.0).select(middle, 0.0 * a)  # NaN if a is NaN
     return (a > 0.0).select(1.0, (a < 0.0).select(0.0, at_0))
 
 

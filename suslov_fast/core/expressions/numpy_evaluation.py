@@ -39,7 +39,7 @@ def _of_bits(function):
 
 
 def _sum(*operands):
-    """Return s + a b + c d + ... in order, for s, a, b, c, d, ...; an even number has no s."""
+    """Return s + a b + c d + ..., for s, a, b, c, d, ...; if their number is even, s is 0."""
     odd = len(operands) % 2
     products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
     return sum(products, operands[0] if odd else next(products))
@@ -60,7 +60,7 @@ def _of_list(name):
     return of_arrays
 
 
-# Functions of the C library, by their names there, which a lane calls alone.
+# Functions of the C library, by their names there. Machine code calls them lane by lane.
 _NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
 OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
 # Integer instructions; their names in LLVM follow "bits_".

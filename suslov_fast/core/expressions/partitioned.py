@@ -19,7 +19,7 @@ from .numpy_evaluation import OF_LISTS
 from .programs import needed_for, program_of
 from .symbolic_elimination import bits_of
 
-_FUNCTION = 40  # operations that take the time of an elementary function
+_FUNCTION = 40  # how many operations take the time of an elementary function
 
 
 class ComponentSets(NamedTuple):

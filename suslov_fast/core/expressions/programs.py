@@ -87,7 +87,7 @@ class Program(NamedTuple):
 
 
 class Expressions(Values):
-    """Values without repetition: equal operations share one, operations on constants give none.
+    """Values without repetition: equal operations share a value, and constants are computed.
 
     `of` contains the instruction and operands of each value. `fixed_truths` contains the numbers of
     truth values that depend on parameters alone. `written` is {number of a value: (name, operands,

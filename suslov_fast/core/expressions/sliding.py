@@ -25,9 +25,9 @@ from .values import Number, joined, operand_of
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
-ON = 2.0**-44  # part of the terms of a surface, within which a state is on it
-NEAR = 2.0**-32  # part of the terms of surfaces, within which they slide together
-BARELY = 2.0**-24  # part of the rate on the other side of a surface
+ON = 2.0**-44  # part of the terms of s: a state is on the surface if |s| is not larger
+NEAR = 2.0**-32  # the same for surfaces along which solutions may slide together
+BARELY = 2.0**-24  # part of the rate on the other side of a surface: smaller rates are rounding
 # Modes of one f; and modes times pairs of modes that change each other's rates, to which the time
 # to compile is proportional: five modes of which each changes all others, or a chain of twelve.
 MOST, MOST_PAIRS = 24, 150
@@ -252,7 +252,7 @@ class SlidingEquations(_Rates):
             (s, below, above), (size, *_) = self.values.at(x, wanted)
             mode, is_on = number(x[D + g]), abs(s) <= ON * size + LEAST
             part = -BARELY
-            if g == at:  # a solution that arrives goes on across the surface, or slides
+            if g == at:  # a solution that arrives does not stay on its side, if f leads on
                 part, is_on = self.slides[g].select(part, 0.0), self.values.true
             stays = ~mode.equals(0.0) & _leads_to(mode, below, above, part)
             slides = (below > 0.0) & (above < 0.0)

@@ -22,7 +22,7 @@ NEAR = 4
 
 
 class ColumnOffsets(NamedTuple):
-    """The begin of a column in the arrays of `Sparse`; it ends where the next column begins."""
+    """Where a column begins in the arrays of `Sparse`; it ends where the next column begins."""
 
     entries: int  # in `rows` and `numbers`
     pivots: int  # in `pivots`

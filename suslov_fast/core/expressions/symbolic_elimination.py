@@ -120,7 +120,7 @@ class Factors:
         for i in order:
             for k in self.before[i]:
                 below[k].append(i)
-        # m_ik and N_kj for each product that elimination adds to N_ij, one after the other
+        # {i: {j: [m_ik, N_kj, ...]}}: factors of the products that elimination adds to N_ij
         products = {i: defaultdict(list) for i in order}
         for k in order:
             if right is not None:
@@ -206,7 +206,8 @@ def elimination_order(pattern, D):
     Among equal degrees the next pivot has the shortest chain of pivots that it depends on, because
     processors evaluate independent operations in parallel. `pattern` has places (i, j).
     """
-    neighbours, depth, order, left = [0] * D, [0] * D, [], set(range(D))  # sets are bits
+    neighbours, depth = [0] * D, [0] * D  # sets as bits, and lengths of chains
+    order, left = [], set(range(D))
     for i, j in pattern:
         if i != j:
             neighbours[i] |= 1 << j
@@ -218,7 +219,7 @@ def elimination_order(pattern, D):
         key = heappop(keys)
         k = key[-1]
         if k not in left or key != (degree[k], depth[k], k):
-            continue  # a newer key of this unknown is in the heap, or was
+            continue  # an old key of this unknown
         order.append(k)
         left.remove(k)
         others = neighbours[k]

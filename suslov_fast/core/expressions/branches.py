@@ -35,7 +35,7 @@ class Branches(NamedTuple):
     surfaces  the `Surface`s at which branches change: first those where f jumps, then kinks
     P         how many other parameters f has
     shifts    places in `surfaces` of tables at arguments p + q, with q constant along a step
-    joins     True if several comparisons have the same two numbers (`_joined`)
+    joins     True if several comparisons have the same two numbers (`_groups_of`)
     """
 
     surfaces: list
@@ -153,7 +153,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
         if of_events:
             _watch(f, events_on_surfaces)
         return f
-    groups, in_order = _joined(operations, jumps), [*surfaces.values()]
+    groups, in_order = _groups_of(operations, jumps), [*surfaces.values()]
     places = [k for k, number in enumerate(surfaces) if number in shifted]
     branches = Branches(in_order, P, places, bool(groups))
     choices_of_jumps = range(D + P, D + P + branches.jumps)
@@ -176,7 +176,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     return f
 
 
-def _joined(operations, jumps):
+def _groups_of(operations, jumps):
     """Return {number of a comparison: its group}: all comparisons of the same two numbers a and b.
 
     A group is {number: (its truth where a > b, its truth where a < b)}, with 1.0 for true. `jumps`
@@ -194,10 +194,10 @@ def _joined(operations, jumps):
 def _passed(tests, number, group, choices, truth, a, b):
     """Return the operand of the new branch of a comparison of a and b, as a truth value.
 
-    Its `truth` holds, except where a motion meets a = b. There all comparisons of its `group`
-    (`_joined`) change at once, as if the motion were already beyond the surface. Otherwise np.sign
-    would be 0 there, and f would jump twice. `choices` is {number of a comparison: number of the
-    parameter of its old branch}; old branches are NaN at the start and after an action.
+    Its `truth` holds, except where a motion meets a = b. There all comparisons of its `group` (see
+    `_groups_of`) change at once, as if the motion were already beyond the surface. Otherwise
+    np.sign would be 0 there, and f would jump twice. `choices` is {number of a comparison: number
+    of the parameter of its old branch}; old branches are NaN at the start and after an action.
     """
     meets, result = tests.emit("oeq", a, b), tests.number(truth).select(1.0, 0.0)
     for k in (0, 1):
@@ -213,7 +213,7 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
     Both are `Expressions`. Values below number `first` are the state and the other parameters.
     `surfaces` is {number of a condition: `Surface`}. `shifted` is {number of a table's value:
     (p, q)}: the argument of the table is p + q, where q is constant along a step. `groups` has
-    comparisons that change at once (`_joined`). The results are
+    comparisons that change at once (`_groups_of`). The results are
 
     1. {old operand: its operand in `fixed`},
     2. for each surface the operand in `fixed` of its function (p for p + q),

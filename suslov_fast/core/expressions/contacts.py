@@ -86,7 +86,7 @@ class Contacts:
         changes = {c.mode: -c.rate for c in contacts.values()}
         self.stopped = values.with_forces(range(values.D), self.constraints, changes)[0]
 
-    def held(self, f):
+    def with_pull(self, f):
         """Return the rates f (D) with a second, smaller force at each contact.
 
         It removes what rounding leaves of d2s/dt2, and pulls s and ds/dt to 0: their errors would

@@ -125,7 +125,7 @@ class ElapsedTime:
             return emit(name, *wholes)
         if name in ("fadd", "fsub") and None not in pairs:
             a, b = pairs
-            return _Pair(_joined(emit, name, a.p, b.p), emit(name, a.q, b.q))
+            return _Pair(_sum(emit, name, a.p, b.p), emit(name, a.q, b.q))
         rigid = [self._is_rigid(a) for a in operands]
         is_scaled = (name == "fmul" and any(rigid)) or (name == "fdiv" and rigid[1])
         if is_scaled and None not in pairs:
@@ -138,7 +138,7 @@ class ElapsedTime:
         if name in _COMPARISONS and None not in pairs:
             a, b = pairs
             if None is a.whole is b.whole:
-                return emit(name, _joined(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
+                return emit(name, _sum(emit, "fsub", a.p, b.p), emit("fsub", b.q, a.q))
         if name in ("sin", "cos", "tan") and pairs[0].whole is None:
             return emit(name, emit("fadd", self._without_turns(pairs[0].q), pairs[0].p))
         number = emit(name, *wholes)
@@ -153,7 +153,7 @@ class ElapsedTime:
         return (abs(q) > _LARGE).select(rest, q).number
 
 
-def _joined(emit, name, a, b):
+def _sum(emit, name, a, b):
     """Return the operand of a + b (`name` "fadd") or a - b ("fsub"); a constant 0 is left out."""
     if same(b, 0.0):
         return a

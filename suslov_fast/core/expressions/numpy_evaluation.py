@@ -39,7 +39,7 @@ def _of_bits(function):
 
 
 def _sum(*operands):
-    """Return s + a b + c d + ..., for s, a, b, c, d, ...; if their number is even, s is 0."""
+    """Return s + a b + c d + ..., for s, a, b, c, d, ...; an even number of operands has no s."""
     odd = len(operands) % 2
     products = (a * b for a, b in zip(operands[odd::2], operands[odd + 1 :: 2], strict=True))
     return sum(products, operands[0] if odd else next(products))

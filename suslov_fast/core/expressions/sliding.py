@@ -176,7 +176,7 @@ class SlidingEquations(_Rates):
         rates_of_modes = [0.0] * self.size
         if self.contacts:
             self.resting = Contacts(self.values, self.touching, self.factors, matrix, sign)
-            f, rates_of_modes[-1] = self.resting.held(f), sign
+            f, rates_of_modes[-1] = self.resting.with_pull(f), sign
         self.results = f + rates_of_modes
         all_pairs = combinations(range(self.count), 2)
         self.dependent = [pair for pair in all_pairs if self.depends(*pair)]
@@ -252,7 +252,7 @@ class SlidingEquations(_Rates):
             (s, below, above), (size, *_) = self.values.at(x, wanted)
             mode, is_on = number(x[D + g]), abs(s) <= ON * size + LEAST
             part = -BARELY
-            if g == at:  # a solution that arrives does not stay on its side, if f leads on
+            if g == at:  # a solution that arrives stays on its side only if f leads away there
                 part, is_on = self.slides[g].select(part, 0.0), self.values.true
             stays = ~mode.equals(0.0) & _leads_to(mode, below, above, part)
             slides = (below > 0.0) & (above < 0.0)

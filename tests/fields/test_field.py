@@ -7,10 +7,12 @@ from fractions import Fraction as F
 import children
 import numpy as np
 import pytest
+import sympy
 from systems import exactly, henon_heiles, lorenz, tables
 
 import suslov_fast as sf
 from suslov_fast import Field, iterate
+from suslov_fast.integrability import kahan
 
 
 # ------------------------------------------------------------------------------- coefficients
@@ -128,7 +130,6 @@ NUMBERS = {
 @pytest.mark.parametrize("name", NUMBERS)
 def test_numbers_are_what_was_typed(name):
     """In f, as a parameter, in H, from a dictionary: x' = c x, whose map is (2 + c) / (2 - c)."""
-    kahan = pytest.importorskip("suslov_fast.integrability").kahan
     c, expected = NUMBERS[name]
     fields = [
         Field(lambda x: (c * x[0],), 1),
@@ -368,7 +369,6 @@ def test_a_function_in_place_of_a_field():
 
 
 def test_what_sympy_and_complex_variables_need():
-    sympy = pytest.importorskip("sympy")
     names = sympy.symbols("x y z")
     x, y, z = names
     rows = [10 * (y - x), x * (28 - z) - y, x * y - 3 * z]

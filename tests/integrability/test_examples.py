@@ -1,4 +1,4 @@
-"""Maps with published integrals, measures and degrees."""
+"""Maps and families of maps with published integrals, measures and degrees; compositions."""
 
 from fractions import Fraction as F
 
@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from suslov_fast import Field, Map
-
-pytest.importorskip("flint")
-
-from suslov_fast.integrability import cofactors, degrees, kahan, rational_map, report
+from suslov_fast.integrability import cofactors, degrees, growth, kahan, rational_map, report
 from suslov_fast.integrability.rational_functions import IDENTITY
 
 POINT = F(3, 7), F(-5, 11), F(2, 9)
@@ -29,35 +26,30 @@ def test_a_map_is_the_rational_map_of_its_function():
 # QRT maps (Quispel, Roberts and Thompson 1988): A and B are the matrices of two biquadratics.
 
 
-def ratio(A, B, x, y):
-    above, below = (np.array((x**2, x, 1)) @ M @ (y**2, y, 1) for M in (A, B))
-    return above / below
+def biquadratic(A, x, y):
+    return np.array((x**2, x, 1)) @ np.array(A, object) @ (y**2, y, 1)
+
+
+def other_root(x, y, A, B):
+    """Return the other x at which the quotient of the biquadratics A and B has the same value."""
+    a, b = ([p * y * y + q * y + r for p, q, r in rows] for rows in (A, B))
+    f = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return (f[0] - x * f[1]) / (f[1] - x * f[2])
 
 
 def qrt(A, B):
-    """The asymmetric QRT map of I = A / B and its inverse, as functions."""
-
-    def across(x, f):
-        return (f[0] - x * f[1]) / (f[1] - x * f[2])
-
-    def products(matrices, y):
-        return np.cross(*([sum(np.multiply(row, (y**2, y, 1))) for row in M] for M in matrices))
-
-    def horizontal(x, y):
-        return across(x, products((A, B), y))
-
-    def vertical(x, y):
-        return across(y, products((np.transpose(A), np.transpose(B)), x))
+    """Return the asymmetric QRT map of A / B."""
+    AT, BT = ([*zip(*matrix, strict=True)] for matrix in (A, B))
 
     def forward(x):
-        first = horizontal(*x)
-        return first, vertical(first, x[1])
+        u = other_root(*x, A, B)
+        return u, other_root(x[1], u, AT, BT)
 
     def backward(x):
-        second = vertical(*x)
-        return horizontal(x[0], second), second
+        v = other_root(x[1], x[0], AT, BT)
+        return other_root(x[0], v, A, B), v
 
-    return forward, backward
+    return rational_map(Map(forward, "x y"), Map(backward, "x y"))
 
 
 @pytest.mark.parametrize(
@@ -66,8 +58,7 @@ def qrt(A, B):
 def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     """It is a fractional linear function of A / B. What the search does later is left out."""
     A, B = np.random.default_rng(seed).integers(-3, 4, (2, 3, 3)).astype(object)
-    forward, backward = qrt(A, B)
-    map = rational_map(Map(forward, 2), Map(backward, 2))
+    map = qrt(A, B)
     found = report(map, degree=4, progress=lambda done, parts: done < 28)
     (integral,) = found.integrals
     assert (integral.basis, integral.degree, found.finished) == (IDENTITY, 4, False)
@@ -76,20 +67,47 @@ def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     x = POINT[:2]
     assert integral(map(x)) == integral(x)
     # A / B and the integral have parallel gradients: those of a second function at this point.
-    values = [(f(x), f(map(x))) for f in (integral, lambda x: ratio(A, B, *x))]
-    assert all(before == after for before, after in values)
+    before, after = (biquadratic(A, *z) / biquadratic(B, *z) for z in (x, map(x)))
+    assert before == after
+
+
+def test_a_generic_qrt_map_has_quadratic_growth():
+    A, B = [[1, 0, 2], [-1, 3, 1], [0, 2, -2]], [[2, 1, 0], [1, -1, 3], [1, 1, -3]]
+    found = report(qrt(A, B), degree=4)
+    assert (found.growth.kind, found.proved_entropy, found.finished) == ("quadratic", 0.0, True)
+    assert [f.basis for f in found.integrals] == [IDENTITY]
+
+
+def symmetric(a, b, c, d, e, f):
+    return [[a, b, c], [b, d, e], [c, e, f]]
 
 
 @pytest.mark.slow
-def test_a_report_of_a_qrt_map_ends():
-    A, B = np.array([[0, 1, 1], [1, -1, 0], [1, 0, 2]]), np.diag([0, 0, 3])
-    B[1, 2] = B[2, 1] = 1
-    forward, backward = qrt(A.astype(object), B.astype(object))
-    found = report(rational_map(Map(forward, 2), Map(backward, 2)), degree=4)
-    assert found.finished
-    assert found.proved_entropy == 0
-    assert found.degrees[:3] == [6, 19, 42]
-    assert {f.basis for f in (*found.integrals, *found.measures)} == {IDENTITY}
+def test_the_symmetric_qrt_map_of_twelve_letters():
+    numbers = dict(zip("abcdefpqrsuv", (3, 1, -2, 5, 4, 7, 2, -1, 6, -3, 1, 8), strict=True))
+
+    def forward(x, a):
+        return x[1], other_root(x[0], x[1], symmetric(*a[:6]), symmetric(*a[6:]))
+
+    def backward(x, a):
+        return other_root(x[1], x[0], symmetric(*a[:6]), symmetric(*a[6:])), x[0]
+
+    def with_names(f):
+        names = ", ".join(numbers)
+        return Map(eval(f"lambda x, {names}: f(x, [{names}])", {"f": f}), "x y", **numbers)
+
+    maps = with_names(forward), with_names(backward)
+    found = report(rational_map(*maps, letters=" ".join(numbers)), degree=4)
+    (integral,) = found.integrals
+    growth = found.growth.kind
+    assert (integral.basis, growth, found.proved_entropy) == (IDENTITY, "quadratic", 0.0)
+    for shift in (1, 2):
+        at = {name: F(a + shift, 3) for name, a in numbers.items()}
+        x = F(2, 7), F(-5, 3)
+        y = forward(x, [*at.values()])
+        assert integral(x, **at) == integral(y, **at)
+        P, Q = (symmetric(*[*at.values()][k : k + 6]) for k in (0, 6))
+        assert len({biquadratic(P, *z) / biquadratic(Q, *z) for z in (x, y)}) == 1
 
 
 # Three-dimensional QRT maps (Alonso, Suris and Wei 2023): each involution goes along a generator of
@@ -175,3 +193,45 @@ def test_a_tree_of_species(A, edges):
         assert found.growth.entropy == pytest.approx(np.log(n))
         (measure,) = found.measures
         assert measure(x) / density(x) == measure(map(x)) / density(map(x))
+
+
+def lyness(D):
+    """x_D~ = (a + x_2 + ... + x_D) / x_1, and the inverse."""
+    forward = Map(lambda x, a: (*x[1:], (a + sum(x[1:])) / x[0]), D, a=3)
+    return forward, Map(lambda x, a: ((a + sum(x[:-1])) / x[-1], *x[:-1]), D, a=3)
+
+
+def test_the_growth_of_lyness_maps_of_four_variables():
+    map = rational_map(*lyness(4))
+    assert growth(degrees(map, 24)).kind == "unclear"
+    assert report(map, degree=1).growth.kind == "quadratic"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("D", "degree"), [(3, 4), (4, 5)])
+def test_all_integrals_of_lyness_maps(D, degree):
+    """Two, one of which is (a + sum x) prod (1 + x_i) / prod x_i."""
+    found = report(rational_map(*lyness(D), letters="a"), degree=degree)
+    assert [f.basis for f in found.integrals] == [IDENTITY] * 2 == [IDENTITY] * found.relations
+    x, a = [F(k, 3) for k in (2, -5, 7, 4)[:D]], F(7, 5)
+    y = [*x[1:], (a + sum(x[1:])) / x[0]]
+    for f in found.integrals:
+        assert f(x, a=a) == f(y, a=a)
+    assert found.growth.kind == "quadratic"
+
+
+def test_a_composition():
+    """Its stages are found in the program of f(f(x)); powers of x are computed once for both."""
+
+    def f(x):
+        return x[1], (x[1] ** 2 + x[1] + 3) / (x[0] * x[1] ** 2 + 1)
+
+    once, twice = rational_map(Map(f, 2)), rational_map(Map(lambda x: f(f(x)), 2))
+    assert len(twice.stages) == 2
+    assert twice([2, 5]) == once(once([2, 5])) == tuple(g([2, 5]) for g in twice.formulas)
+    assert degrees(twice, 3) == degrees(once, 6)[1::2]
+    matrix = twice.jacobian([2, 5])
+    first, second = once.jacobian([2, 5]), once.jacobian(once([2, 5]))
+    assert matrix == tuple(
+        tuple(sum(second[i][k] * first[k][j] for k in (0, 1)) for j in (0, 1)) for i in (0, 1)
+    )

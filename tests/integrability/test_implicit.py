@@ -11,9 +11,6 @@ import pytest
 from systems import exactly
 
 from suslov_fast import Field, Map
-
-pytest.importorskip("flint")
-
 from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, report, zoo
 from suslov_fast.integrability.linear_relations import (
     count_relations,

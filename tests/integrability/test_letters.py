@@ -202,10 +202,20 @@ def test_maps_with_letters():
         lyness.subs(a=1)
     with pytest.raises(TypeError, match="a is symbolic"):
         lyness.jacobian([1, 2])
-    (F,) = report(lyness).integrals
+    found = report(lyness, degree=4)
+    (F,) = found.integrals
     at_one = "(x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2)"
     difference = sympy.simplify(sympy.sympify(F.subs(a=1, b=3)) - sympy.sympify(at_one))
     assert difference.is_number
+    assert found.proved_entropy == 0.0
+    assert "a = 1, b = 1" in found.notes[-1]  # the period is 5
+    assert "2 independent integrals" in found.notes[-1]
+
+
+def test_symmetries_with_letters():
+    field = Field(lambda x, a, b: (a * x[0] * x[1], b * x[0] * x[1]), "x y", a=1, b=2)
+    (reversor,) = report(field, letters="a b", degree=1).symmetries
+    assert reversor((2, 3)) == (-2, -3)
 
 
 def test_fractions_of_a_body_beside_letters_are_exact():

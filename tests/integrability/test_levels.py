@@ -9,9 +9,6 @@ import pytest
 from papers import lotka_volterra
 
 from suslov_fast import Field, Map, SuslovND
-
-pytest.importorskip("flint")
-
 from suslov_fast.integrability import (
     degrees,
     growth,

@@ -11,9 +11,6 @@ import pytest
 from papers import three_lines
 
 from suslov_fast import Field, Map
-
-pytest.importorskip("flint")
-
 from suslov_fast.integrability import (
     contracted_curves,
     degrees,

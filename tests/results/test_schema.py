@@ -10,7 +10,6 @@ from systems import PREY
 import suslov_fast as sf
 from suslov_fast.results import schema
 
-pytest.importorskip("xarray")
 # From these starts a failure after a pole, a pole, and neither.
 STARTS = [[0.05, 0.25], [0.05, 0.05], [4.5, 5.0]]
 NAMES = {column.name for column in schema.RUN if column.is_public}

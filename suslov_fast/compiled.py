@@ -144,7 +144,7 @@ def system(
     both = (0.0, 0) if time is None else (eps, None)
     others = {"method": method, **given._asdict(), "events": events, "derivatives": derivatives}
     if either_map_or_motion("system", *both, time, **others):
-        settings = checked_settings(body, given)
+        settings = checked_settings(body, *given)
         return _motion(body, one_number("time", time), settings, events, derivatives)
     step_size: Any = within("eps", real_number("eps", eps_of("system", body, eps)), MOMENTS)
     if shape := np.broadcast_shapes(body.shape, np.shape(step_size)):

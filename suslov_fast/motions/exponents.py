@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks
 from ..bodies.systems import System
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
-from ..core.flow.batch_solver import Settings, SolverRequest
+from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import public
@@ -137,7 +137,7 @@ def lyapunov_exponents(
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))
-    settings = checked_settings(body, Settings(rtol))
+    settings = checked_settings(body, rtol)
     acting = checked_events(events)
     if any(each.terminal or each.most is not None for each in acting):
         received = "terminal or most, with which a trajectory ends"

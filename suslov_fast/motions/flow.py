@@ -158,7 +158,7 @@ def flow(
     array([[ 0.873751, -1.093725]])
     """
     body: Any = system_of(system, x0)
-    settings = checked_settings(body, Settings(rtol, atol, max_step, stiff))
+    settings = checked_settings(body, rtol, atol, max_step, stiff)
     request = request_of(time, settings, threads)
     times, sign = request.times, request.sign
     names, acting = checked_derivatives(body, derivatives), checked_events(events)

@@ -82,8 +82,8 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
     return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
 
 
-def checked_settings(system: Any, given: Settings) -> Settings:
-    """Return the settings as plain numbers, for the engine and results; TypeError for a `Map`."""
+def checked_settings(system: Any, *given: Any) -> Settings:
+    """Return `Settings` from the values of their fields, after checks; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # which raises for a `Map`
     if [*map(type, given)] == _RTOL_ALONE:
         return _settings(given, 0)  # for speed in small calls
@@ -91,7 +91,8 @@ def checked_settings(system: Any, given: Settings) -> Settings:
 
 
 @functools.lru_cache(64)
-def _settings(given: Settings, D: int) -> Settings:
+def _settings(values: tuple[Any, ...], D: int) -> Settings:
+    given = Settings(*values)
     rtol = checks.real_number("rtol", given.rtol)
     if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
         raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(given.rtol))

@@ -158,7 +158,7 @@ def periodic_orbit(
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
     x = _checked_start(body, x0)
-    settings = checked_settings(body, Settings(rtol))
+    settings = checked_settings(body, rtol)
     field = body._field
     motion = FieldFlow(field, x, settings, acting)
     with np.errstate(all="ignore"):

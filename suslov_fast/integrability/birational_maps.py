@@ -191,15 +191,13 @@ class RationalMap(WithLetters):
 
         A point of functions of eps, such as a first image, has an image, too: ``map(map(x))``.
         """
-        if isinstance(point, tuple) and any(isinstance(a, RationalFunction) for a in point):
-            coordinates = over_common_denominator(map(as_function, point), self.ring)
-            return quotients_of(self.homogeneous_image(coordinates))
-        if not self.is_symbolic:
-            return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
-        x = arithmetic.rationals("point", point, self.dimension)
-        scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
-        constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
-        return quotients_of(self.homogeneous_image(constants), self.names, self.letter)
+        if not isinstance(point, tuple) or not any(isinstance(a, RationalFunction) for a in point):
+            if not self.is_symbolic:
+                return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
+            point = arithmetic.rationals("point", point, self.dimension)
+        functions = [as_function(a).in_ring(self.ring) for a in point]
+        image = self.homogeneous_image(over_common_denominator(functions, self.ring))
+        return quotients_of(image, self.names, self.letter)
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:

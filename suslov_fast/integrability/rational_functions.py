@@ -180,6 +180,11 @@ class RationalFunction(WithLetters):
         cofactor = self.cofactor and self.cofactor.renamed(names, letter)
         return replace(self, factors=factors, cofactor=cofactor)
 
+    def in_ring(self, ring: Any) -> RationalFunction:
+        """Return the function with the letters and variables of a ring, in their order."""
+        factors = tuple((ring.from_dict(P.to_dict()), e) for P, e in self.factors)
+        return replace(self, factors=factors)
+
     def __mul__(self, other: Any) -> RationalFunction:
         other = as_function(other)
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis

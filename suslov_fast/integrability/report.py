@@ -139,16 +139,14 @@ class Report:
         return html_table(title, ["", "found"], (line.partition(": ")[::2] for line in lines))
 
     def _title(self) -> str:
-        D = self.map.dimension
-        letters = self.map.letters
+        variables, letters = f"{self.map.dimension} variables", self.map.letters
         if len(letters) > 1:
-            is_field = isinstance(self.map, KahanMap)
-            text = str(self.map) if is_field else f"Map of {D} variables"
+            text = str(self.map) if isinstance(self.map, KahanMap) else f"Map of {variables}"
             return f"{text}, letters {', '.join(letters)}"
         if not isinstance(self.map, KahanMap):
-            return f"Map of {D} variables" + f", {self.map.letter} symbolic" * self.map.is_symbolic
+            return f"Map of {variables}" + f", {self.map.letter} symbolic" * self.map.is_symbolic
         field, eps = str(self.map.field), self.map.eps
-        field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
+        field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {variables}"
         return f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
 
     def _lines_of_growth(self) -> list[str]:

@@ -13,7 +13,6 @@ import random
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from operator import add, mul
 from typing import Any
 
@@ -22,7 +21,6 @@ import numpy as np
 
 from ..fields.exact_numbers import text_of
 from ..fields.names import labels
-from ..fields.terms import Terms
 from . import arithmetic
 from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
@@ -62,9 +60,10 @@ def reversors(map: KahanMap) -> list[Reversor]:
 
     If the field has letters, entries are numbers, for all values of the letters.
     """
-    numbers = dict(zip(map.letters, EPS, strict=False))
-    at_numbers = map._with({n: Fraction(a) for n, a in numbers.items()}) if map.in_letters else map
-    D, p, terms = map.dimension, at_numbers.prime, at_numbers.terms
+    D, p = map.dimension, map.prime
+    numbers = [*EPS[: len(map.letters)], *[0] * D]  # for letters and x
+    rates = map._rates[0]
+    terms = [(place, int(v(*numbers) if map.in_letters else v) % p) for place, v in rates]
     unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
     symmetries = []
     for solution in _isolated_solutions(_equations(D, terms, unknowns), unknowns, DEGREES[D]):
@@ -110,14 +109,13 @@ def _identities(terms: Any, S: Any, b: Any, x: Any) -> list[Any]:
     return [*reversing, *(a - c for a, c in zip(image(image(x)), x, strict=True))]
 
 
-def _equations(D: int, terms: Terms, unknowns: Any) -> list[Any]:
+def _equations(D: int, terms: Any, unknowns: Any) -> list[Any]:
     """Return the equations for S and b, in the ring `unknowns`, for a field with these terms."""
     n, p = unknowns.nvars(), int(unknowns.modulus())
     gens = ring_modulo(p, n + D).gens()
     S, b = [gens[D * i : D * i + D] for i in range(D)], gens[D * D : n] or [0] * D
     equations: list[Any] = []
-    members = [(at, int(flint.nmod(arithmetic.fmpq(c), p))) for at, c in terms.members()]
-    for P in _identities(members, S, b, gens[n:]):
+    for P in _identities(terms, S, b, gens[n:]):
         by_monomial = defaultdict[Any, dict[Any, int]](dict)
         for e, c in P.to_dict().items():
             by_monomial[e[n:]][e[:n]] = int(c)

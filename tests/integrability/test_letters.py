@@ -198,6 +198,10 @@ def test_maps_with_letters():
     lyness = rational_map(forward, backward, letters="a b")
     assert [str(value) for value in lyness([1, 2])] == ["2", "2*a + b"]
     assert lyness.subs(a=1, b=3)([1, 2]) == (2, 5)
+    assert str(lyness(lyness([1, 2]))) == "(2*a + b, (2*a^2 + a*b + b)/2)"
+    named = kahan(Field(lambda x, a: (a * x[1], x[0]), "u v", a=2))
+    step = named.subs(eps=1)
+    assert [F.subs(eps=1).constant for F in named(named([1, 2]))] == [*step(step([1, 2]))]
     with pytest.raises(TypeError, match="b: pass"):
         lyness.subs(a=1)
     with pytest.raises(TypeError, match="a is symbolic"):

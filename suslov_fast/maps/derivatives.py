@@ -108,7 +108,7 @@ class _Part:
     def __init__(self, where: Any, scheme: Any, values: Any, eps: Any, x: FloatArray) -> None:
         B, self.D = x.shape
         self.where, self.n = where, 0
-        extended = scheme.step.with_columns()
+        extended = scheme.step.extended
         self.by_numpy = not extended.usual  # too long for a program
         of_step = scheme if self.by_numpy else Scheme(extended, scheme.stages)
         self.arguments, self.notes = (of_step, values, eps), _no_notes(B)

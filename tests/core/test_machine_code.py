@@ -13,7 +13,7 @@ from systems import chain as volterra
 
 import suslov_fast as sf
 from suslov_fast.core.llvm import compiler as machine_code
-from suslov_fast.core.maps import kahan_step, kernel
+from suslov_fast.core.maps import kernel
 from suslov_fast.core.numba import decorators
 from suslov_fast.maps import batch, derivatives
 
@@ -32,9 +32,7 @@ def forget(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "known_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((kernel, "_step_of"), (kahan_step, "_extended_step")):
-        plan = functools.cache(getattr(module, name).__wrapped__)
-        monkeypatch.setattr(module, name, plan)
+    monkeypatch.setattr(kernel, "_step_of", functools.cache(kernel._step_of.__wrapped__))
 
 
 @pytest.fixture

@@ -325,18 +325,16 @@ class Code:
         self.target.lines.append(f"{name}:")
         self.block = self.target.block = name
 
-    def begin(self, name, *arguments):
-        """Begin the function i64 name(arguments); `arguments` are the names of integers."""
+    def begin(self, name, *arguments, result="i64"):
+        """Begin the function name(arguments); `arguments` are the names of integers."""
         arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
-        self.add(f"define i64 @{name}({arguments}) #0 {{")
+        self.add(f"define {result} @{name}({arguments}) #0 {{")
         self.label("entry")
 
     @contextmanager
     def function(self, name, arguments=("from", "table", "to", "scratch")):
         """Add void name(arguments) with integer arguments; its body is the block of `with`."""
-        arguments = ", ".join(f"i64 %{argument}" for argument in arguments)
-        self.add(f"define internal void @{name}({arguments}) #0 {{")
-        self.label("entry")
+        self.begin(name, *arguments, result="internal void")
         yield
         self.add("  ret void")
         self.add("}")

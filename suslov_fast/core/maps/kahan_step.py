@@ -22,8 +22,6 @@ parameters alone are computed once a run. A step of the Lorenz system takes 81 o
 tests, two of them divisions; here products and additions in a sum count singly.
 """
 
-import functools
-
 import numpy as np
 
 from ..cached import cached_property
@@ -51,6 +49,9 @@ LONGEST_OPTIMISED = 4000
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
 # Products of parameters alone, which NumPy carries out for each step size.
 LONGEST_ONCE = 400_000
+# Components, and products of elimination times components, of programs with columns. NumPy and
+# LAPACK take larger ones, which LLVM would compile for seconds.
+MOST_COLUMNS, MOST_WORK = 16, 4000
 
 
 def of_one_sign(indices):
@@ -135,9 +136,10 @@ class Step:
         """A key that identifies the operations of this step."""
         return type(self), self.indices.tobytes(), self.D
 
-    def with_columns(self):
-        """Return the `ExtendedStep`, with derivatives; it has no operations if it is too long."""
-        return _extended_step(self)
+    @cached_property
+    def extended(self):
+        """The `ExtendedStep`, with derivatives; it has no operations if it is too long."""
+        return ExtendedStep(self.indices, self.D)
 
     length = cached_property(lambda self: length_of(self.usual))
     is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
@@ -279,13 +281,3 @@ class ExtendedStep(Step):
             units.append([inverse * a for a in q])
             self.after[first + c] = (self.values.number(first + c) + length.then("log")).number
         return units
-
-
-# Components, and products of elimination times components, of programs with columns. NumPy and
-# LAPACK take larger ones, which LLVM would compile for seconds.
-MOST_COLUMNS, MOST_WORK = 16, 4000
-
-
-@functools.lru_cache(32)
-def _extended_step(step):
-    return ExtendedStep(step.indices, step.D)

@@ -50,8 +50,9 @@ class MapStep(ExtendedStep):
         self.after_rare = self.after
         self._separate_fixed()
 
-    def with_columns(self):
-        return map_step(self.of, True)
+    @cached_property
+    def extended(self):
+        return MapStep(self.of, True)
 
     def _separate_fixed(self):
         super()._separate_fixed()
@@ -100,4 +101,4 @@ class MapStep(ExtendedStep):
         return repr((self.D, self.values.operations, self.after, self.table))
 
 
-map_step = functools.lru_cache(128)(MapStep)
+map_step = functools.lru_cache(64)(MapStep)

@@ -317,9 +317,8 @@ class BatchSolver:
 
     def _runner(self, integrator, rows, which, W):
         """Return the `StepRunner` of trajectories `which` with `rows`; it has copies of tables."""
-        table = np.ascontiguousarray(
-            self.table[which] if self.table.ndim > 1 else self.table.copy()
-        )
+        table = self.table.copy() if self.table.ndim == 1 else self.table[which]
+        table = np.ascontiguousarray(table)
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
         runner.point_to(address_of(self.times), address_of(self.states), self.states.strides[0])
         if self.event_times is not None:

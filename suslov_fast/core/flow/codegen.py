@@ -136,10 +136,8 @@ class StepCode(FunctionCode):
 
         `one` is the text of one lane, which is at the byte `offset`. Steps would add up rounding.
         """
-        rates, sign = (
-            one.array(self.line.f.at() + offset),
-            Shared(one, self.of.numbers)[NUMBER.sign],
-        )
+        rates = one.array(self.line.f.at() + offset)
+        sign = Shared(one, self.of.numbers)[NUMBER.sign]
         for clock in self.f.offsets:
             to[clock] = rates[clock] * (sign * time)
 

@@ -93,7 +93,7 @@ def TOUCHING_SIDE(
 @scalar_kernel
 def CROSSED(
     value, rate, size, rate_size, near, side, level, crossed_at, is_here, by_motion, holds, t, last,
-    sign, accepted, at_surface,
+    sign, accepted, f_ends,
 ):  # fmt: skip
     """Return whether a state crossed a surface `up` or `down`; update `side` and its other rows.
 
@@ -107,7 +107,7 @@ def CROSSED(
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
     of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
-    near = (at_surface > 2.0).select(larger(near, EDGE * t * abs(rate)), near)
+    near = (f_ends > 0.0).select(larger(near, EDGE * t * abs(rate)), near)
     of_terms = stays.select(LOW, NOISE) * size
     near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign)
     on, is_slow = near_surface["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size

@@ -165,7 +165,6 @@ def OUTCOME(
     holds = holds & (taken < larger(outer, 0.25 * whole)) & (t < goal)
     refused = cuts | holds | again
     moves = ~refused & (accepted + lands.select(1.0, 0.0) > 0.0) | ends
-    where = ends.select(3.0, arrives.select(2.0, 1.0))
     return {
         "cuts": cuts,
         "holds": holds,
@@ -174,7 +173,7 @@ def OUTCOME(
         "ends": ends,
         "lands": lands,
         "moves": moves,
-        "at_surface": (moves & (crosses | arrives)).select(where, 0.0),
+        "at_surface": (moves & (crosses | arrives)).select(1.0, 0.0),
         "serves": (cuts | again | lands).select(0.0, served),
     }
 
@@ -307,7 +306,8 @@ def cut(code, before, total):
     _keep_beyond(code, inputs["is_beyond"], work.new)
     found = code.apply(NEXT_LENGTH, **inputs) | code.apply(TIME_AND_STATE, **inputs)
     of_step = {"accepted": inputs["moves"].select(1.0, 0.0), "served": inputs["serves"]}
-    of_step |= {"at_surface": inputs["at_surface"], "jumped": found.pop("jumped")}
+    of_step |= {"at_surface": inputs["at_surface"], "f_ends": inputs["ends"].select(1.0, 0.0)}
+    of_step["jumped"] = found.pop("jumped")
     code.keep(work, of_step)
     code.keep(line, found)
 

@@ -84,7 +84,7 @@ def _begin_with_events(code, begins):
     text, line, work = code.text, code.line, code.work
     running = begins & line.state[0].equals(code.mode)
     work.accepted[0] = running.select(1.0, 0.0)
-    work.at_surface[0] = 0.0
+    work.at_surface[0] = work.f_ends[0] = 0.0
     work.taken.choose(begins, 0, line.wanted[0])
     is_over = running & (code.number("last") <= 0.0)
     line.state.choose(is_over, 0, float(LaneState.DONE))

@@ -130,8 +130,8 @@ def rows_of_work(integrator):
         accepted=1,  # 1 where the step is taken, else 0
         served=1,  # 1 where a step aside has reached its time, else 0
         t=1,  # time before the step
-        # Where the step ends: 1 on a surface, 2 just before one, 3 where f ends at one; else 0.
-        at_surface=1,
+        at_surface=1,  # 1 where the step ends on a surface, or just before it, else 0
+        f_ends=1,  # 1 where f has no value beyond that surface, else 0
         jumped=1,  # 1 where f may have jumped there
         # Surfaces at the start and at POINTS, and inputs of `double_crossings`.
         points=integrator.at_points + watched + 1,

@@ -254,11 +254,10 @@ def TURN_EXPLICIT(
     is_false = (taken > 0.0) & _is_false(ratio, apart)
     stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))
     turns = (stiff >= patience) & (switches > 0.0) & (state < LaneState.IMPLICIT)
+    after = stops.select(float(LaneState.TOO_MANY), state)
     return {
         "longer": turns.select(AT_FIRST, longer),
-        "state": turns.select(
-            float(LaneState.IMPLICIT), stops.select(float(LaneState.TOO_MANY), state)
-        ),
+        "state": turns.select(float(LaneState.IMPLICIT), after),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
         "trial": turns.select(TRIAL, trial),
@@ -287,13 +286,12 @@ def TURN_IMPLICIT(
     patient = (is_easy | is_trial).select(patience, PATIENCE)
     easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
     turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < LaneState.DONE)
+    after = stops.select(float(LaneState.TOO_MANY), state)
     after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
     explicit = smaller(wanted, limit / larger(rate, TINY))
     return {
         "wanted": turns.select(explicit, wanted),
-        "state": turns.select(
-            float(LaneState.EXPLICIT), stops.select(float(LaneState.TOO_MANY), state)
-        ),
+        "state": turns.select(float(LaneState.EXPLICIT), after),
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),
         "trial": accepted.select(left, trial),

@@ -93,7 +93,8 @@ class Equilibria(NamedTuple):
         """
         x = self.states.reshape(-1, self.states.shape[-1])
         left = np.flatnonzero(self.status.ravel() >= 0)
-        largest, first, count = abs(x[left]).max(axis=0, initial=0.0), [], []
+        largest = abs(x[left]).max(axis=0, initial=0.0)
+        first, count = [], []
         near = np.maximum(rtol * largest, 1e-14 * largest.max())
         while left.size:
             is_same = (abs(x[left] - x[left[0]]) <= near).all(axis=1)
@@ -254,7 +255,8 @@ def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], An
     Rates below `rounding` in modulus decide nothing; `turns` is True for complex eigenvalues.
     """
     grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
-    attracts, is_planar = (growth < -rounding).all(axis=-1), growth.shape[-1] == 2
+    attracts = (growth < -rounding).all(axis=-1)
+    is_planar = growth.shape[-1] == 2
     one_way = np.where(grows, "repelling", "attracting")
     if is_planar:
         one_way = np.char.add(one_way, np.where(turns, " focus", " node"))
@@ -392,13 +394,15 @@ class _Equations:
 
         Lengths of steps are relative to `sizes` of components (..., k).
         """
-        sizes, y = self.sizes if sizes is None else sizes, y.copy()
-        before, going = np.full(y.shape[:-1], np.inf), np.isfinite(y).all(axis=-1)
+        sizes = self.sizes if sizes is None else sizes
+        y, before = y.copy(), np.full(y.shape[:-1], np.inf)
+        going = np.isfinite(y).all(axis=-1)
         is_found = np.zeros(y.shape[:-1], bool)
         for _ in range(_MOST):
             step, f, *_ = self.step(y)
             scale = np.maximum(sizes, abs(y))
-            length, size = _length(step, scale), scale.max(axis=-1, keepdims=True, initial=0.0)
+            length = _length(step, scale)
+            size = scale.max(axis=-1, keepdims=True, initial=0.0)
             solved = (abs(f) <= _SMALL * size).all(axis=-1)
             going &= length <= _FARTHEST
             is_last = (length <= _ROUNDING) | ((before <= _SMALL) & (length > _SHORTER * before))

@@ -142,12 +142,12 @@ class Event:
         elif to is not None and not callable(to):
             how = ": a parameter that changes is a variable of the rate 0" * isinstance(to, dict)
             raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
-        direction, most = checked_direction(self.direction), self.most
+        direction = checked_direction(self.direction)
         if direction and self.surface is None:
             raise wrong("direction", "left out beside times")
         if not isinstance(self.terminal, (bool, np.bool_)):
             raise wrong("terminal", "True or False", short(self.terminal), TypeError)
-        if most is not None:
+        if (most := self.most) is not None:
             most = integer("most", most, 1, "None or an integer of at least 1")
         if self.terminal and most is not None:
             how = "left out beside terminal=True, at the first: most=3 alone ends at the third"
@@ -234,7 +234,8 @@ class Event:
 
 def traced(event: Event, system: Any) -> TracedEvent:
     """Return the `TracedEvent` of an event for the component and parameter names of a field."""
-    key, known = (system.names, system._coordinates), event._traced
+    key = system.names, system._coordinates
+    known = event._traced
     if key not in known:
         if len(known) >= _MOST_TRACED:
             known.clear()

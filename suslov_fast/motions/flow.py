@@ -267,8 +267,9 @@ def motion_of(
     result = empty_result(x, len(request.times))
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
-        members, count = _members(system, batch, where), (len(where),)
-        result = result.with_part(where, motion_of(members, x[where], count, request))
+        members = _members(system, batch, where)
+        part = motion_of(members, x[where], (len(where),), request)
+        result = result.with_part(where, part)
     return result
 
 

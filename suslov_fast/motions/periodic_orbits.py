@@ -25,7 +25,8 @@ from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # part of its size by which a state at rest may change in a period
 _NEUTRAL = 1e-6  # a modulus of a multiplier that is as near to 1 decides nothing
-_TURNS, _SAME = 12, 1e-6  # most turns in a period; the distance of two of them, in ranges
+_TURNS = 12  # the most turns in a period
+_SAME = 1e-6  # the largest distance of two turns, in ranges of the orbit
 _FAR = 0.5  # distance between orbit and x0, in ranges of the orbit, that causes a warning
 _ROUGH = 1e-8  # tolerance of the search for a near return
 _LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0

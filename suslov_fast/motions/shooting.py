@@ -26,15 +26,14 @@ from .events import actions_of, event_times_of
 from .integration import SolverResult, to_tolerance
 from .sensitivities import with_derivatives
 
-_ROUNDS, _HALVINGS = 60, 10  # most steps of Newton's method, and halvings of a step
+_ROUNDS = 60  # the most steps of Newton's method
+_HALVINGS = 10  # the most halvings of a step
 # Singular values below this part of the largest one, or below the residual, belong to directions
 # along a family of orbits.
 _LEAST = 1e-8
 _LONGEST = 0.3  # the longest step of log T
-_CORRECTIONS, _LEAST_CHANGE = (
-    5,
-    1e-6,
-)  # of T before Newton's steps, at most and at least
+_CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
+_LEAST_CHANGE = 1e-6  # the smallest relative correction
 _ARCS = 1, 4, 16  # numbers of arcs that are tried
 _GROWTH = 1e3  # of derivatives along an arc; if it is larger, more arcs are tried
 # The residual of a solution, in units of rtol and of the growth of derivatives; and its limit.

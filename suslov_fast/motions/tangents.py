@@ -203,8 +203,10 @@ class _Run:
 
     def _over(self, time: float, report: Callable[[float], bool]) -> bool:
         """Advance by `time` in segments of time / 2**m; return False if `report` ends the run."""
-        at, level = np.zeros(len(self.x), np.int64), self._first_levels(time)
-        self.count[:], by_frame = 0, np.zeros(len(self.x), bool)
+        at = np.zeros(len(self.x), np.int64)
+        level = self._first_levels(time)
+        by_frame = np.zeros(len(self.x), bool)
+        self.count[:] = 0
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
             is_slow = (self.count >= _FEW) & (at < _PART * _UNITS)
             by_frame = self.has_frames & (by_frame | is_slow)

@@ -220,7 +220,8 @@ def explore(
     """
     checks.extra("bokeh", "explore")
     checks.instance("system", system, MapOrField)
-    D, of_map = system.dimension, (eps, steps) != (None, None)
+    D = system.dimension
+    of_map = (eps, steps) != (None, None)
     start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else checks.states("x0", x0, system._labels)
     if start.shape != (D,):
         raise checks.wrong("x0", f"have the shape ({D},)", start.shape)

@@ -1,6 +1,8 @@
 """`flow`: the motion at given times, and its result, `Motion`."""
 
+import inspect
 import pickle
+from dataclasses import fields
 
 import mpmath
 import numpy as np
@@ -280,3 +282,11 @@ def test_events_that_are_copied_before_they_are_read():
     np.testing.assert_allclose(copy.events.time, [np.sqrt(2.0)], rtol=1e-12)
     assert copy == other
     assert not copy.events.states.flags.writeable
+
+
+def test_settings_and_columns_of_the_engine_are_everywhere():
+    settings = [*batch_solver.Settings._fields]
+    for function in (sf.flow, sf.crossings, sf.compiled.system):
+        assert [k for k in inspect.signature(function).parameters if k in settings] == settings
+    names = {each.name for each in fields(sf.Motion)}
+    assert names >= {*settings, *batch_solver.COLUMNS}

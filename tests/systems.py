@@ -5,11 +5,24 @@ from functools import cache
 
 import numpy as np
 
-from suslov_fast import Field
+from suslov_fast import Event, Field
 
 
-def lorenz(x, rho=28):
-    return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+def lorenz(x, rho=28, sigma=10, beta=8 / 3):
+    return sigma * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - beta * x[2]
+
+
+def pendulum(x, k=1):
+    return x[1], -k * np.sin(x[0])
+
+
+def van_der_pol(x, mu=1):
+    return x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]
+
+
+def rubbing(x, k):
+    """A block on a spring and on a belt with the speed 0.3."""
+    return x[1], -x[0] - k * np.sign(x[1] - 0.3)
 
 
 def henon_heiles(x):
@@ -68,6 +81,16 @@ def three_bodies(s, mu):
         2 * v + x - (1 - mu) * a / r1 - mu * b / r2,
         -2 * u + y - (1 - mu) * y / r1 - mu * y / r2,
         -(1 - mu) * z / r1 - mu * z / r2,
+    )
+
+
+def on_a_table(A, e):
+    """Return a ball with g = 1, and the event that it hits a table at the height A sin(t)."""
+    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
+    return ball, Event(
+        lambda s, A: s[0] - A * np.sin(s[2]),
+        direction=-1,
+        to=lambda s, A: (s[0], -e * s[1] + (1 + e) * A * np.cos(s[2]), s[2]),
     )
 
 

@@ -305,3 +305,94 @@ def test_poles_are_counted(rng, name, m):
     assert len(caught) == 1
     missing = np.isnan(values.reshape(4, 400, -1)).all(axis=-1)
     assert np.argwhere(missing).tolist() == [[2, 16], [2, 17], [2, 399], [3, 5]]
+
+
+# ------------------------------------------------------------- momenta as vectors and matrices
+def inertia(rng, n=3):
+    """Tensors of a few point masses: inertia, and second moments."""
+    points = rng.normal(size=(6, n))
+    return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
+
+
+def test_momentum_by_definition(rng):
+    tensor, _ = inertia(rng)
+    axis = rng.normal(size=3)
+    body = sf.Suslov3D.from_inertia(tensor, axis)
+    rotation = body.rotation
+    omega = np.cross(axis, rng.normal(size=3))
+    state = (rotation @ omega)[:2]
+    np.testing.assert_allclose(rotation[:2].T @ state, omega, atol=1e-14)
+    # The component along the axis does not need I3, since Omega3 = 0.
+    M = rotation.T @ body.momentum(state)
+    np.testing.assert_allclose(M, tensor @ omega, atol=1e-12)
+    np.testing.assert_allclose(body.energy(state), 0.5 * omega @ tensor @ omega, rtol=1e-13)
+    for n in (2, 3, 5):
+        _, mass = inertia(rng, n)
+        axis = rng.normal(size=n)
+        axis /= np.linalg.norm(axis)
+        body = sf.SuslovND.from_mass_tensor(mass, axis)
+        rotation = body.rotation
+        v = rng.normal(size=n)
+        Omega = np.outer(v, axis) - np.outer(axis, v)
+        state = (rotation @ Omega @ rotation.T)[:-1, -1]
+        M = mass @ Omega + Omega @ mass
+        in_body = rotation @ M @ rotation.T
+        np.testing.assert_allclose(body.momentum(state), in_body, atol=1e-12)
+        np.testing.assert_allclose(body.energy(state), -np.trace(M @ Omega) / 4, rtol=1e-12)
+
+
+def test_momenta_in_space(case):
+    body, omega0 = case
+    run = sf.iterate(body, [omega0, np.negative(omega0)], 0.1, 20, attitude=True)
+    R = run.attitude
+    Rt = R.swapaxes(-2, -1)
+    vector = len(omega0) == 2
+    v = body.momentum(run.states)
+    expected = (R @ v[..., None])[..., 0] if vector else R @ v @ Rt
+    np.testing.assert_allclose(body.momentum(run.states, attitude=R), expected, atol=1e-13)
+
+
+# --------------------------------------------------------------------------- scattering angles
+def angle_by_formula(I1, I2, I13, I23):
+    """Return the angle by the formula of the docstring in 60 digits, and alpha + beta + |gamma|."""
+    I1, I2, I13, I23 = naive.exactly(I1, I2, I13, I23)
+    D, k = I13**2 * I2 + I23**2 * I1, mpmath.hypot(I13, I23)
+    alpha, beta = I1 * I2 * k / D, mpmath.sqrt(I1 * I2) / k
+    gamma = beta * I13 * I23 * (I2 - I1) / D
+    kappa = mpmath.sqrt((alpha - 1j * gamma) ** 2 - beta**2)
+    c, half = mpmath.cosh(mpmath.pi * kappa / 2), mpmath.pi * alpha / 2
+    square = (mpmath.re(c) / mpmath.cosh(half)) ** 2 + (mpmath.im(c) / mpmath.sinh(half)) ** 2
+    return 2 * mpmath.asin(mpmath.sqrt(square)), float(alpha + beta + abs(gamma))
+
+
+@pytest.mark.parametrize("parameters", [(4, 1, -0.5, -0.3), (4, 2, 0, -1.2), (2, 2, 1.5, -2.5)])
+def test_discrete_scattering_angles_tend_to_that_of_the_flow_with_order_2(parameters):
+    """Runs from next to the repelling half to next to the attracting one."""
+    body, angles = sf.Suslov3D(*parameters), []
+    middle = [1.0, 0.0] @ np.linalg.inv(body.to_xy(np.eye(2)))
+    time = 22 / abs(body.closed_form(middle, 0.0).k1)
+    start = sf.flow(body, middle, time=-time).states[0]
+    for steps in (2000, 4000):
+        run = sf.iterate(body, start, 2 * time / steps, steps, attitude=True)
+        first, last = (
+            R[:, :2] @ x for R, x in zip(run.attitude[[0, -1]], run.states[[0, -1]], strict=True)
+        )
+        angles.append(np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last))
+    expected = body.scattering_angle()
+    coarse, fine = np.subtract(angles, expected)
+    assert abs(np.log2(coarse / fine) - 2) < 0.01
+    assert abs((4 * angles[1] - angles[0]) / 3 - expected) < 1e-7
+
+
+def test_scattering_angles_to_rounding(rng):
+    """Angles are accurate to rounding, also if they are exponentially small."""
+    signs = np.ones((4, 60))
+    signs[2:] = rng.choice([-1, 0, 1], (2, 60))
+    parameters = signs * 10 ** rng.uniform(-3, 3, (4, 60))
+    angles = sf.Suslov3D(*parameters).scattering_angle()
+    assert (np.isnan(angles) == ~parameters[2:].any(axis=0)).all()
+    for each, angle in zip(parameters.T, angles, strict=True):
+        if each[2:].any():
+            expected, size = angle_by_formula(*each)
+            bound = 1e-15 * (1 + size) ** 2 * expected if size < 300 else 2e-15 * size
+            assert abs(naive.mpf(angle) - expected) <= bound

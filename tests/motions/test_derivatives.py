@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from children import TWO_THREADS
 from series import solution_and_derivatives
-from systems import oregonator, robertson
+from systems import lorenz, oregonator, robertson, van_der_pol
 
 import suslov_fast as sf
 from suslov_fast import Field, flow, lyapunov_exponents
@@ -20,10 +20,6 @@ def _of(name):
 
 
 sin, sqrt = map(_of, ("sin", "sqrt"))
-
-
-def lorenz(x, sigma, rho, beta):
-    return sigma * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - beta * x[2]
 
 
 def predators(x, a, b):
@@ -38,10 +34,6 @@ def kepler(x, mu):
     r = sqrt(x[0] * x[0] + x[1] * x[1])
     factor = -mu / (r * r * r)
     return x[2], x[3], factor * x[0], factor * x[1]
-
-
-def van_der_pol(x, mu):
-    return x[1], mu * (1 - x[0] * x[0]) * x[1] - x[0]
 
 
 def hires(y, k):

@@ -106,22 +106,6 @@ def test_a_short_time_of_sliding_is_not_stepped_over(times):
     np.testing.assert_allclose(motion.final, [-(0.895**2) / 2, 0.995], rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("f", "start"),
-    [
-        (lambda x: x**2, 1.0),
-        (lambda x: np.exp(x), 0.0),
-        (lambda x: -1 / x, 1.0),
-        (lambda x: -np.sqrt(x) - 0.1, 1.0),
-        (lambda x: np.log(x) - 1, 0.5),
-    ],
-)
-def test_solutions_end_at_infinity_and_where_f_has_no_value(f, start):
-    for starts in ([start], [[start]] * 9):
-        with pytest.warns(sf.IntegrationWarning):
-            assert (sf.flow(field(f, "x"), starts, time=5.0).status == sf.Status.ENDED).all()
-
-
 def test_choices_that_change_twice_within_what_would_be_a_step():
     """A state passes through a thin slab, of which each side would be seen alone."""
     f = field(lambda s: (s[1], np.where((s[0] > 1.0) & (s[0] < 1.002), -300.0, 0.0)), "x v")

@@ -212,24 +212,6 @@ def test_waves_as_surfaces(kind, N, _, rng):
         np.testing.assert_array_equal(found, right)
 
 
-@pytest.mark.parametrize("n", [2, 5, 9])
-def test_polynomials_of_waves(n, rng):
-    """cos n a as Chebyshev's polynomial of cos a."""
-    w, p = 10 ** rng.uniform(-0.5, 0.5, 50), rng.uniform(0, 6, 50)
-    clocks = field(lambda s, w, p: (1.0,), "t", w=w, p=p)
-
-    def surface(s, w, p):
-        c = np.cos(w * s[0] + p)
-        before, now = 1.0, c
-        for _ in range(n - 1):
-            before, now = now, 2 * c * now - before
-        return now
-
-    found = sf.crossings(clocks, [0.0], surface, time=40.0)
-    right = np.floor(n * (w * 40 + p) / np.pi + 0.5) - np.floor(n * p / np.pi + 0.5)
-    np.testing.assert_array_equal(found.count[:, 0], right)
-
-
 def test_powers_of_waves(rng):
     """Half turns with humps, of which many steps of a quarter of a turn would see none."""
     w, p, n, level = 10 ** rng.uniform(-0.5, 0.5, 50), rng.uniform(0, 6, 50), 64, 0.99

@@ -1,10 +1,9 @@
 """Equilibria of fields, against closed forms and the limits of motions."""
 
-from fractions import Fraction as F
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from systems import LORENZ
 
 import suslov_fast as sf
 from suslov_fast import Field, equilibria
@@ -196,11 +195,8 @@ def test_equilibria_that_newton_reaches_from_afar():
     np.testing.assert_allclose(found.states[:, 0], [0, 0, 0, 0, np.nan], atol=1e-15)
     assert found.status.tolist() == [0, 0, 0, 0, sf.Status.NONFINITE]
     assert _near(lambda x: (np.log(x[0]),), [20.0]).states.tolist() == [1.0]
-    lorenz = Field(
-        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]), 3
-    )
     starts = np.random.default_rng(0).normal(size=(30, 3)) * 20
-    found = equilibria(lorenz, near=starts)
+    found = equilibria(LORENZ, near=starts)
     points = np.array([[0, 0, 0], *([s * 72**0.5, s * 72**0.5, 27] for s in (1, -1))])
     far = abs(found.states[:, np.newaxis] - points).max(axis=-1).min(axis=-1)
     assert far.max() < 1e-12

@@ -6,12 +6,13 @@ import pickle
 
 import numpy as np
 import pytest
+from hybrid import TO_BLOOD, patient
 
 import suslov_fast as sf
 from suslov_fast import Event, Field, flow
 
-PK = Field(lambda x, k, dose: (-k * x[0], k * x[0] - 0.1 * x[1]), "gut blood", k=1.0, dose=100.0)
-DOSES = Event(times=[0.0, 24.0, np.nan], to=lambda x, dose: (x[0] + dose, x[1]))
+PK = Field(patient, "gut blood", k=1.0, dose=100.0)
+DOSES = Event(times=[0.0, 24.0, np.nan], **TO_BLOOD)
 SHARED = Event(
     lambda x, k: k * np.exp(x[1]) - np.exp(x[1]) ** 2 - 1,
     to=lambda x: (np.exp(x[1]) * np.exp(x[1]), np.where(x[0] > 1, x[1], np.exp(x[1]))),
@@ -83,6 +84,8 @@ def test_results():
     assert flow(PK, [0.0, 0.0], time=1.0).events is None
     with pytest.raises(ValueError, match="read-only"):
         changes.time[0] = 1.0
+    with pytest.raises(KeyError, match="derivatives="):
+        changes.derivatives["k"]
 
 
 def test_no_trajectories_and_no_times():

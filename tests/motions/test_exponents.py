@@ -7,7 +7,7 @@ import naive
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from systems import LORENZ, lorenz
+from systems import LORENZ, lorenz, rubbing
 
 import suslov_fast as sf
 from suslov_fast.maps import derivatives
@@ -196,24 +196,14 @@ def test_motion_leaves_out_variables_that_drift_in_all_members(f, exact):
 
 def test_motion_of_families_that_end():
     family = sf.Field(lambda x, a: (a * x[0] ** 2 - x[0],), 1, a=[0, 2])
-    with pytest.warns(sf.IntegrationWarning):
+    with pytest.warns(sf.IntegrationWarning, match=r"1 of 2 .* at t = 0\.693"):
         found = sf.lyapunov_exponents(family, [1.0], time=3.0)
     assert found[0] == pytest.approx(-1.0)
     assert np.isnan(found[1])
-    stopped = sf.lyapunov_exponents(family, [0.1], time=3.0, progress=lambda done, total: False)
-    assert np.isfinite(stopped).any()
-
-
-def test_motion_of_a_batch_ends_at_the_time_of_each():
-    field = sf.Field(lambda x: (x[0] ** 2,), "x")
-    for starts in ([[1.0]], [[1.0], [-4.0]]):
-        with pytest.warns(sf.IntegrationWarning, match="at t = 1$"):
-            found = sf.lyapunov_exponents(field, starts, time=2.0)
-        assert np.isnan(found).sum() == 1
 
 
 def test_motion_that_slides():
-    block = sf.Field(lambda s: (s[1], -s[0] - 0.4 * np.sign(s[1] - 0.3)), "x v")
+    block = sf.Field(rubbing, "x v", k=0.4)
     with pytest.warns(sf.IntegrationWarning, match="slide.* exponents"):
         found = sf.lyapunov_exponents(block, [0.0, 0.3], time=5.0)
     assert np.isnan(found).all()
@@ -283,8 +273,6 @@ def test_motion_with_kicks_at_times():
     times = {"time": 50.0, "transient": 30.0}
     found = sf.lyapunov_exponents(LINEAR, [[1.0, 0.5], [0.2, -1.0]], events=change, **times)
     np.testing.assert_allclose(found, [right, right], atol=1e-7)
-    alone = sf.lyapunov_exponents(LINEAR, [0.2, -1.0], events=change, **times)
-    np.testing.assert_array_equal(alone, found[1])
 
 
 @pytest.mark.parametrize("last", ["x/2", "0"])

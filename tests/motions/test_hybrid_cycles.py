@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from systems import on_a_table
 
 from suslov_fast import Event, Field, flow, lyapunov_exponents, periodic_orbit
 
@@ -44,9 +45,7 @@ def test_a_ball_on_a_vibrating_table():
     e, T = 0.5, 2 * np.pi
     of_cos, of_sin = T / 2 * (1 - e) / (1 + e), 1.5 / (1 + e) ** 2
     A, p = np.hypot(of_cos, of_sin), np.arctan2(of_sin, of_cos)
-    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
-    hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
-                 to=lambda s, A: (s[0], -e * s[1] + (1 + e) * A * np.cos(s[2]), s[2]))  # fmt: skip
+    ball, hit = on_a_table(A, e)
     start = [A * np.sin(p) + T**2 / 8 + 0.01, 0.01, p + T / 2]
     orbit = periodic_orbit(ball, start, T, events=hit)
     # Of multipliers m: m**2 - (1 + e**2 - (1 + e)**2 A sin p) m + e**2 = 0.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from samples import SQUARE
 from scipy.integrate import solve_ivp
+from scipy.special import exp1
 from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, by_series
 
 import suslov_fast as sf
@@ -175,6 +176,11 @@ def test_empty_and_trivial_calls():
         (SQUARE, [1.0], 1.0),
         (SQUARES, [1.0, 0.0], 1.0),
         (Field(lambda x: (-(x[0] ** 2),), 1), [4.0], -0.25),
+        (Field(np.exp, 1), [0.0], 1.0),
+        # Where f has no value.
+        (Field(lambda x: -1 / x, 1), [1.0], 0.5),
+        (Field(lambda x: -np.sqrt(x) - 0.1, 1), [1.0], 2 - 0.2 * np.log(11)),
+        (Field(lambda x: np.log(x) - 1, 1), [0.5], np.e * exp1(1 + np.log(2))),
     ],
 )
 def test_solutions_that_end(field, start, end):

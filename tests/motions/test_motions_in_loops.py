@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 from numba import njit, prange
+from systems import oregonator, van_der_pol
 
 import suslov_fast as sf
 from suslov_fast import Event, Field, compiled
@@ -16,7 +17,7 @@ pytestmark = [
 ]
 
 PENDULUM = Field(lambda x, u: (x[1], u - np.sin(x[0])), "q v", u=0.0)
-VAN_DER_POL = Field(lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), 2, mu=1000.0)
+VAN_DER_POL = Field(van_der_pol, 2, mu=1000.0)
 BALL = Field(lambda x, g: (x[1], -g), "h v", g=9.81)
 DRIVEN = Field(lambda s, w: (s[1], -(s[0] ** 3) + np.cos(w * s[2]), 1.0), "x v t", w=1.3)
 BOUNCE = Event("h", direction=-1, to=lambda x: (x[0], -0.9 * x[1]))
@@ -180,20 +181,13 @@ def test_refuses_arguments_of_the_other_kind(arguments, message):
 @pytest.mark.parametrize("options", [{}, {"stiff": True}])
 def test_components_that_lose_digits_and_grow_again(options):
     """They are computed again, as by `flow`."""
-    oregonator = Field(
-        lambda x: (
-            77.27 * (x[1] + x[0] * (1 - 8.375e-6 * x[0] - x[1])),
-            (x[2] - (1 + x[0]) * x[1]) / 77.27,
-            0.161 * (x[0] - x[2]),
-        ),
-        "a b c",
-    )
+    field = Field(oregonator, "a b c")
     own, x0 = {"time": 320.0, "rtol": 1e-6} | options, np.array([1.0, 2.0, 3.0])
-    right, exact = (sf.flow(oregonator, x0, **own | others) for others in ({}, {"atol": 0.0}))
+    right, exact = (sf.flow(field, x0, **own | others) for others in ({}, {"atol": 0.0}))
     assert right.steps > exact.steps  # of two tries
     np.testing.assert_allclose(right.final, exact.final, rtol=1e-5)
     own.pop("time")
-    motion = system(oregonator, time=320.0, **own)
+    motion = system(field, time=320.0, **own)
     memory = work(motion)
     for out in (np.empty(3), x0):  # in place, too
         assert step_system(motion, x0, out, memory) == right.status == sf.Status.OK

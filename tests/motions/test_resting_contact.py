@@ -1,7 +1,10 @@
 """Bodies that come to rest, start on a surface, or stay on it; changes that pile up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from systems import on_a_table
 
 from suslov_fast import Event, Field, Status, crossings, flow
 
@@ -10,12 +13,15 @@ BALL = Field(lambda x, g, e: (x[1], -g), "h v", g=9.81, e=0.9)
 BOUNCE = Event("h", direction=-1, to=lambda x, e: (x[0], -e * x[1]))
 
 
-def table(rng, n):
-    """Return floors, gravities, restitutions, heights above floors and speeds of n balls."""
+def balls(rng, n=60):
+    """Return balls above floors of any height, their bounces, their starts, and all numbers."""
     floor = rng.choice([-1.0, 1.0], n) * 10 ** rng.uniform(-3, 4, n)
     floor[: n // 5] = 0.0
     g, e = 10 ** rng.uniform(-3, 3, n), rng.choice([0.0, 1e-12, 0.05, 0.3, 0.5, 0.8, 0.95], n)
-    return floor, g, e, rng.uniform(0.1, 3.0, n), rng.normal(size=n)
+    h, v = rng.uniform(0.1, 3.0, n), rng.normal(size=n)
+    field = Field(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
+    bounce = Event(lambda x, floor: x[0] - floor, direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+    return field, bounce, np.stack([floor + h, v], axis=-1), (floor, g, e, h, v)
 
 
 @pytest.mark.parametrize("stiff", [None, True])
@@ -24,14 +30,12 @@ def test_balls_rest_on_floors_anywhere(rng, stiff):
 
     One of 60 is so high that it ends there; the others rest.
     """
-    floor, g, e, h, v = table(rng, 60)
-    ball = Field(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
-    bounce = Event(lambda x, floor: x[0] - floor, direction=-1, to=lambda x, e: (x[0], -e * x[1]))
+    ball, bounce, starts, (floor, g, e, h, v) = balls(rng)
     speed = np.sqrt(v * v + 2 * g * h)
     first = (v + speed) / g
     right = first + 2 * speed * e / g / (1 - e)
-    motion = flow(ball, np.stack([floor + h, v], 1), time=10 * right.max(), events=bounce,
-                  rtol=1e-11, stiff=stiff)  # fmt: skip
+    given = {"time": 10 * right.max(), "rtol": 1e-11, "stiff": stiff}
+    motion = flow(ball, starts, events=bounce, **given)
     ends = motion.status == Status.ACCUMULATES
     assert (ends | motion.ok).all()
     assert ends.sum() <= 1
@@ -44,10 +48,8 @@ def test_balls_rest_on_floors_anywhere(rng, stiff):
 
 def test_bodies_at_rest_do_not_drift(rng):
     """Gravity and reaction cancel with a rounding error; T**2 / 2 times that would be 1e-4."""
-    floor, g, e, h, v = table(rng, 60)
-    ball = Field(lambda x, g, e, floor: (x[1], -g), "y v", g=g, e=e, floor=floor)
-    bounce = Event(lambda x, floor: x[0] - floor, direction=-1, to=lambda x, e: (x[0], -e * x[1]))
-    motion = flow(ball, np.stack([floor + h, v], 1), time=1e6, events=bounce)
+    ball, bounce, starts, (floor, *_) = balls(rng)
+    motion = flow(ball, starts, time=1e6, events=bounce)
     gap = abs(motion.final - np.stack([floor, 0.0 * floor], axis=-1))[motion.ok]
     assert motion.ok.sum() >= 59
     assert (gap <= 1e-12).all()
@@ -55,9 +57,7 @@ def test_bodies_at_rest_do_not_drift(rng):
 
 def test_balls_stay_on_tables_that_vibrate_for_long():
     A = np.linspace(0.0, 0.999, 7)
-    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
-    hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
-                 to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
+    ball, hit = on_a_table(A, 0.5)
     motion = flow(ball, [5.0, 0.0, 0.0], time=10_000.0, events=hit)
     h, v, t = motion.final.T
     np.testing.assert_allclose(h, A * np.sin(t), atol=3e-8)  # without a pull 4e-6
@@ -68,9 +68,7 @@ def test_balls_stay_on_tables_that_vibrate_for_long():
 def test_no_ball_falls_through_a_table_that_vibrates(rtol):
     """No table with A <= 1 throws a ball that has come to rest; that with A = 3 does."""
     A = np.append(np.linspace(0.0, 0.999, 501), [0.5625, 0.6, 1.0, 3.0])
-    ball = Field(lambda s, A: (s[1], -1.0, 1.0), "h v t", A=A)
-    hit = Event(lambda s, A: s[0] - A * np.sin(s[2]), direction=-1,
-                 to=lambda s, A: (s[0], -0.5 * s[1] + 1.5 * A * np.cos(s[2]), s[2]))  # fmt: skip
+    ball, hit = on_a_table(A, 0.5)
     motion = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit, rtol=rtol)
     assert motion.ok.all()
     right = np.stack([A * np.sin(100.0), A * np.cos(100.0)], axis=-1)[:-1]
@@ -154,16 +152,6 @@ def test_a_start_on_a_surface_is_no_change(direction, falls):
     assert not flow(slow, [0.0, 0.0], time=0.3, events=rises).events.count.any()
 
 
-def test_endless_changes_at_one_instant():
-    clock = Field(lambda x: (1.0, 0.0), "t n")
-    changes = [
-        Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1])),
-        Event(lambda x: x[0] - 0.5, direction=-1, to=lambda x: (2, x[1])),
-    ]
-    motion = flow(clock, [0.0, 0.0], time=3.0, events=changes)
-    assert (motion.status, motion.end) == (Status.ACCUMULATES, pytest.approx(1.0))
-
-
 @pytest.mark.parametrize("rtol", [1e-6, 1e-12])
 def test_two_tanks_with_one_tap(rtol, rng):
     """Water leaves both; the tap turns to the one that is empty, ever more often until both are."""
@@ -181,13 +169,8 @@ def test_two_tanks_with_one_tap(rtol, rng):
 def test_most_counts_hits_and_phases_tell_rests():
     """A ball rests on a table that vibrates, and is thrown again and again: rests are no hits."""
     A = 1.2
-    ball = Field(lambda s: (s[1], -1.0, 1.0), "h v t")
-
-    def hit(most):
-        return Event(lambda s: s[0] - A * np.sin(s[2]), direction=-1, most=most,
-                     to=lambda s: (s[0], -0.2 * s[1] + 1.2 * A * np.cos(s[2]), s[2]))  # fmt: skip
-
-    whole = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit(None), derivatives="x0")
+    ball, hit = on_a_table(A, 0.2)
+    whole = flow(ball, [5.0, 0.0, 0.0], time=100.0, events=hit, derivatives="x0")
     phases, times = whole.phases, whole.events.time
     rests = phases.time[phases.mode == "rests"]
     leaves = phases.time[phases.mode == "leaves"]
@@ -196,7 +179,8 @@ def test_most_counts_hits_and_phases_tell_rests():
     np.testing.assert_allclose(np.sin(leaves), 1 / A, atol=1e-9)
     np.testing.assert_array_less(rests[: len(leaves)], leaves)
     n = int(np.searchsorted(times, leaves[5])) + 2  # the second hit after the sixth throw
-    few = flow(ball, [5.0, 0.0, 0.0], time=[10.0, 100.0], events=hit(n), derivatives="x0")
+    given = {"events": replace(hit, most=n), "derivatives": "x0"}
+    few = flow(ball, [5.0, 0.0, 0.0], time=[10.0, 100.0], **given)
     assert few.status == Status.STOPPED
     assert few.events.count == n
     assert few.end == pytest.approx(times[n - 1])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import field
+from systems import field, van_der_pol
 
 import suslov_fast as sf
 
@@ -45,33 +45,6 @@ def test_ramps_of_any_width(stiff):
             motion = sf.flow(f, [0.0, start], time=3.0 - start, stiff=stiff)
             np.testing.assert_allclose(motion.states[0, ..., 0], exact, rtol=3e-8)
             assert (motion.steps < 150).all()
-
-
-# ------------------------------------------------------------------------- small, and large again
-PREY = field(lambda s: (s[0] * (1 - s[1]), s[1] * (s[0] - 1)), "x y")
-SEASONS = field(
-    lambda s: (
-        s[0] * (1 - s[1]) * np.where(np.mod(s[2], 1) < 0.5, 1.1, 0.9),
-        s[1] * (s[0] - 1),
-        1.0,
-    ),
-    "rabbits foxes t",
-)
-
-
-@pytest.mark.parametrize(("f", "start"), [(PREY, [20.0, 20.0]), (SEASONS, [20.0, 20.0, 0.0])])
-@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
-def test_a_component_that_falls_and_grows_is_computed_again(f, start, rtol):
-    calm = [1.0, 1.0, 0.0][: len(start)]
-    both = sf.flow(f, [calm, start], time=40.0, rtol=rtol)
-    alone = sf.flow(f, start, time=40.0, rtol=rtol)
-    right = sf.flow(f, start, time=40.0, rtol=1e-10, atol=0)
-    np.testing.assert_array_equal(both.states[:, 1], alone.states)
-    np.testing.assert_allclose(alone.states, right.states, rtol=0.2 if rtol > 1e-9 else 1e-5)
-    assert alone.steps == both.steps[1]
-    assert both._again.tolist() == [0, 1]
-    calm_alone = sf.flow(f, calm, time=40.0, rtol=rtol)
-    np.testing.assert_array_equal(both.states[:, 0], calm_alone.states)
 
 
 def test_what_decays_for_good_and_what_flows_in_is_not_told_of():
@@ -119,8 +92,7 @@ def test_a_rate_that_is_rounding_beside_a_relaxation(options):
     """e' is 0 but for rounding; trajectories look for that at steps of their own."""
     cycles = field(
         lambda s, k: (
-            s[1],
-            k * (1 - s[0] ** 2) * s[1] - s[0],
+            *van_der_pol(s, k),
             k * (1 - s[0] ** 2) * s[1] - k * s[1] + k * s[0] ** 2 * s[1],
         ),
         "x v e",

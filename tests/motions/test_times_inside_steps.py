@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.special import sici
-from systems import field, kepler, robertson
+from systems import LORENZ, field, kepler, pendulum, robertson, van_der_pol
 
 import suslov_fast as sf
 
@@ -18,11 +18,7 @@ def test_a_decay_at_many_times(rtol):
 
 
 def test_a_time_in_the_second_half_of_a_long_step():
-    lorenz = field(
-        lambda s: (10 * (s[1] - s[0]), s[0] * (28 - s[2]) - s[1], s[0] * s[1] - 8 / 3 * s[2]),
-        "x y z",
-    )
-    motion = sf.flow(lorenz, [1, 1, 20], time=[0.2, 5.0], rtol=1e-3)
+    motion = sf.flow(LORENZ, [1, 1, 20], time=[0.2, 5.0], rtol=1e-3)
     np.testing.assert_allclose(motion.states[0], [2.5235, 4.3592, 12.3682], rtol=0, atol=0.03)
     fast = field(lambda s: (-1000 * (s[0] - s[1]), -s[1]), "x y")
     motion = sf.flow(fast, [2.0, 1.0], time=[0.0234, 10.0], rtol=1e-2)
@@ -32,7 +28,7 @@ def test_a_time_in_the_second_half_of_a_long_step():
 @pytest.mark.parametrize("T", np.linspace(0.1, 3, 60)[4::8])
 def test_times_just_before_the_last_one(T):
     """A step goes on to the last time if that is near, also where it is taken again."""
-    oscillator = field(lambda s: (s[1], 5 * (1 - s[0] ** 2) * s[1] - s[0]), "x v")
+    oscillator = field(van_der_pol, "x v", mu=5)
     times = T * np.array([0.95, 0.97, 0.99, 1.0])
     right = sf.flow(oscillator, [2.0, 0.0], time=times, rtol=1e-12).states
     for rtol in (1e-2, 1e-3, 1e-6):
@@ -57,7 +53,7 @@ SYSTEMS = {
     "table": (doses, "amount t", [0.0, 0.0], 24.0),
     "jump": (lambda s: (s[1], np.where(s[0] > 0.5, -4 * s[0], -s[0])), "x v", [1.0, 0.0], 20.0),
     "kink": (lambda s: (s[1], -abs(s[0]) * s[0] - np.minimum(s[0], 0.3)), "x v", [1.0, 0.0], 6.0),
-    "backwards": (lambda s: (s[1], -np.sin(s[0])), "q p", [1.0, 0.5], -10.0),
+    "backwards": (pendulum, "q p", [1.0, 0.5], -10.0),
 }
 
 
@@ -75,14 +71,14 @@ def test_later_times_change_nothing(name):
 
 
 def test_later_times_change_no_derivative():
-    pendulum = field(lambda s, a: (s[1], -a * np.sin(s[0])), "q p", a=1.0)
+    system = field(pendulum, "q p", k=1.0)
     times = np.random.default_rng(5).uniform(0, 10, 5)
     for rtol in (1e-3, 1e-6, 1e-9):
-        options = {"rtol": rtol, "derivatives": ("x0", "a")}
-        motion = sf.flow(pendulum, [1.0, 0.5], time=[*times, 10.0], **options)
+        options = {"rtol": rtol, "derivatives": ("x0", "k")}
+        motion = sf.flow(system, [1.0, 0.5], time=[*times, 10.0], **options)
         for k, time in enumerate(times):
-            alone = sf.flow(pendulum, [1.0, 0.5], time=time, **options)
-            for name in ("x0", "a"):
+            alone = sf.flow(system, [1.0, 0.5], time=time, **options)
+            for name in ("x0", "k"):
                 one, other = (each.derivatives[name] for each in (alone, motion))
                 assert abs(one[0] - other[k]).max() < 10 * rtol * abs(one).max()
 

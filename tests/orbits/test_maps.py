@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import qr
 
 import suslov_fast as sf
-from suslov_fast import Field, IntegrationWarning, Map, Status, iterate, lyapunov_exponents
+from suslov_fast import IntegrationWarning, Map, Status, iterate, lyapunov_exponents
 from suslov_fast.core.maps import map_step
 
 LN2 = math.log(2)
@@ -280,26 +280,3 @@ def test_loops_of_users():
         out = np.zeros(2)
         assert sf.compiled.step_system(constants, np.array(lost), out, memory) == Status.NONFINITE
         assert np.isnan(out).all()
-
-
-X = [0.1, 0.2]
-REFUSED = {  # what is called, and what the error names
-    "flow": ("iterate", lambda: sf.flow(HENON, X, time=1.0)),
-    "crossings": ("iterate", lambda: sf.crossings(HENON, X, "x", time=1.0)),
-    "periodic_orbit": ("equilibria", lambda: sf.periodic_orbit(HENON, X)),
-    "kahan": ("iterate", lambda: sf.kahan.jacobian(HENON, X, 0.1)),
-    "eps": ("iterate", lambda: iterate(HENON, X, 0.1, 100)),
-    "eps of a step": ("step", lambda: sf.step(HENON, X, 0.1)),
-    "time of exponents": ("steps", lambda: lyapunov_exponents(HENON, X, time=100.0)),
-    "no steps": ("iterate", lambda: iterate(HENON, X)),
-    "a field": ("eps", lambda: iterate(Field(lambda x: (x[1], -x[0]), 2), X, 100)),
-    "degree 3": ("Map", lambda: iterate(Field(lambda x: (x[1] ** 3, -x[0]), 2), X, 0.1, 100)),
-    "t": ("Map", lambda: Map(lambda x, t: x + t, "x")),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_takes_no_map_says_what_does(case):
-    word, call = REFUSED[case]
-    with pytest.raises(TypeError, match=word):
-        call()

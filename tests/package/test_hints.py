@@ -16,6 +16,7 @@ from suslov_fast import Field, Suslov3D, flow, integrability
 BODY = Suslov3D(4, 1, -0.5, -0.3)
 PENDULUM = Field(lambda x, k: (x[1], -k * np.sin(x[0])), "q p", k=1.0)
 QUADRATIC = Field(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
+SINE = sf.Map(np.sin, "x")
 FAMILY = Field(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 
 
@@ -44,6 +45,7 @@ ROWS = [
     ("Field(lambda x: np.linalg.solve(np.array([[x[0], 0], [0, 1]]), x), 2)", "mass=M"),
     ("sf.SuslovND(np.eye(3)) | Suslov3D(np.eye(3))", "from_(mass_tensor|inertia) takes a matrix"),
     ("sf.Event('x', 'down')", "direction='down'"),
+    ("Field(lambda s: (np.where(s[1] == 10, 5.0, -s[0]), 1.0), 'x t')", r"Event\(times=\[10\]"),
     ("flow(PENDULUM, [1.0, 0.0], time=1, events='q')", r"Event\('q'\)"),
     ("PENDULUM(0, [1.0, 0.0])", r"lambda t, x: system\(x\)"),
     ("PENDULUM([1.0, 0.0], k=5)", r"with_parameters\(k=5\)\(x\)"),
@@ -122,8 +124,18 @@ ROWS = [
     ("MOTION.y | RUN.y | RUN.values", "states"),
     ("MOTION.to_csv('a.csv')", "to_dataframe"),
     ("sf.equilibria(PENDULUM, [0, 0]).multipliers", "eigenvalues"),
+    # what takes no map, or takes it in another way
     ("sf.Map(np.sin, 'x').inverse", r"Map\(g, names\)"),
-    ("sf.periodic_orbit(sf.Map(np.sin, 'x'), [0.1])", "equilibria"),
+    ("sf.periodic_orbit(SINE, [0.1])", "equilibria"),
+    ("flow(SINE, [0.1], time=1.0)", "iterate"),
+    ("sf.crossings(SINE, [0.1], 'x', time=1.0)", "iterate"),
+    ("sf.kahan.jacobian(SINE, [0.1], 0.1)", "iterate"),
+    ("sf.iterate(SINE, [0.1], 0.1, 100)", "iterate"),
+    ("sf.iterate(SINE, [0.1])", "iterate"),
+    ("sf.step(SINE, [0.1], 0.1)", "step"),
+    ("sf.lyapunov_exponents(SINE, [0.1], time=100.0)", "steps"),
+    ("sf.iterate(PENDULUM, [0.1, 0.2], 0.1, 100) | sf.Map(lambda x, t: x + t, 'x')", "Map"),
+    ("sf.iterate(QUADRATIC, [0.1, 0.2], 100)", "eps"),
     ("sf.iterate(np.sin, [1.0], steps=3)", r"Map\(f, names\)"),
     ("flow(PENDULUM, [1, 0], time=1, events=sf.Event('q', to='-p'))", r"to=\('q', '-p/2'\)"),
     ("Field(lambda t, x: [t - x[0]], 'x')", r"lambda s: .*1\.0\), \"x t\""),

@@ -232,7 +232,7 @@ def fill_lane(c, l, J, I, w):
 
 @inlined
 def end_one(c, b, out, status):
-    """Write the state of a block (c, b) to `out`; return `status`, PASSED_POLE if OK, det A < 0."""
+    """Write the state of lane 0 to `out`; return PASSED_POLE if it passed a pole, else `status`."""
     for i in range(len(out)):
         out[i] = c[W, i, 0]
     return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status

@@ -49,11 +49,6 @@ class Branches(NamedTuple):
         return [surface.kind for surface in self.surfaces]
 
     @property
-    def kinds_of_kinks(self):
-        """The conditions of branches at kinks."""
-        return [surface.kind for surface in self.surfaces if not surface.jumps]
-
-    @property
     def jumps(self):
         """How many parameters hold the branches at which f jumps."""
         return sum(surface.parameters for surface in self.surfaces if surface.jumps)

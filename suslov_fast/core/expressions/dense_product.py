@@ -76,7 +76,7 @@ def expanded(values, operands):
     if not any(is_matrix(name) for name, *_ in values.operations):
         return values, operands
     given = values.count - len(values.operations)
-    new, known = Expressions(given, [a for a in values.fixed if a < given]), {}
+    new = Expressions(given, [a for a in values.fixed if a < given])
     vectors, known = {}, {a: a for a in range(given)}
     add, multiply = (FUNCTIONS[name].rule for name in ("add", "multiply"))
     for name, number, of in values.operations:

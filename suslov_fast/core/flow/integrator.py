@@ -59,7 +59,8 @@ class Integrator:
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
         self.watched = f.of.D if f.watch else 0
         self.is_bounded = bool(f.clocks) or (f.branches is not None and f.branches.jumps > 0)
-        self.kinks = f.branches.kinds_of_kinks if f.branches else []
+        surfaces = f.branches.surfaces if f.branches else ()
+        self.kinks = [surface.kind for surface in surfaces if not surface.jumps]
         self.events = f.events
         self.event_surfaces = f.events.surfaces if f.events else 0
         self.sets = None if is_implicit else sets_of(f)

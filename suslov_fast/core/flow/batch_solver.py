@@ -192,8 +192,8 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, state of each trajectory: modulus of the time at which it ended, and its `LaneState`
     columns  the rows `COLUMNS` of each trajectory at its end, by name
-    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: at the
-             start, 0 by default, then at the end
+    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: as given
+             at the start, and at the end if they were given, or if there was an alarm
     doubtful (B,), True for an alarm that does not act
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
@@ -202,6 +202,7 @@ class BatchSolver:
     def __init__(self, f, table, x0, request, states, lost=None, acts=True):
         B, settings = len(x0), request.settings
         self.f, self.states, self.request = f, states, request
+        self.begins_lost = lost is not None
         self.lost = np.zeros((B, f.of.D)) if lost is None else lost
         self.is_relative = bool(np.any(self.lost < 0.0))
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
@@ -262,13 +263,14 @@ class BatchSolver:
         found[:, : self.f.D] = self.x0[block]
         found[:, rows.state] = BEGINS
         found[:, rows.trajectory].view(np.int64)[:] = np.arange(block.start, block.stop)
-        lost, D = self.lost[block], self.lost.shape[1]
-        lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
-        found[:, rows.lost : rows.lost + D] = lost
-        for c in range(self.f.columns):  # of derivatives, which are relative with x
-            first = rows.lost + D * (1 + c)
-            found[:, first : first + D] = np.minimum(lost, 0.0)
-        found[:, rows.watches] = lost.max(axis=1, initial=0.0)
+        if self.begins_lost:
+            lost, D = self.lost[block], self.lost.shape[1]
+            lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
+            found[:, rows.lost : rows.lost + D] = lost
+            for c in range(self.f.columns):  # of derivatives, which are relative with x
+                first = rows.lost + D * (1 + c)
+                found[:, first : first + D] = np.minimum(lost, 0.0)
+            found[:, rows.watches] = lost.max(axis=1, initial=0.0)
         if self.event_times is not None:
             first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]
             found[:, rows.stop], found[:, rows.stop_which] = first.T
@@ -292,7 +294,8 @@ class BatchSolver:
         for name, column in self.columns.items():
             column[block] = flat[:, getattr(rows, name)]
         self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
-        self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
+        if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
+            self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
         if self.event_times is not None:
             self.t[block] = np.where(state == LaneState.ACCUMULATES, flat[:, rows.at], t)
 

@@ -11,9 +11,9 @@ so that the factors w solve the linear equations sum_b (n_a . d_b) w_b = r_a.
 from typing import NamedTuple
 
 from .derivative import gradients
-from .double_crossings import sizes_of
 from .function_records import same
 from .programs import Expressions, dot, emitted, needed_for, program_of
+from .rounding import sizes_of
 from .values import Number, operand_of
 
 

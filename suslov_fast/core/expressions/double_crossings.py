@@ -30,9 +30,10 @@ from math import inf, pi, prod
 from operator import add
 from typing import NamedTuple
 
-from .dense_product import ENTRY, DenseMatrix, is_matrix
+from .dense_product import ENTRY, is_matrix
 from .derivative import gradients_along
 from .programs import Expressions, Program, Values, depending, emitted, needed_for, program_of
+from .rounding import sizes_of
 from .tables import LARGEST
 from .values import larger, operand_of, smaller
 
@@ -290,40 +291,6 @@ def _is_steep(rates, zeros):
         is_sharp = is_minimum & (apart > STRAIGHT * change)
         is_steep = is_sharp if is_steep is None else is_steep | is_sharp
     return is_steep
-
-
-def sizes_of(values, operations, state, with_branches=True):
-    """Return {number of a value: size}; the rounding error of a value is a small part of its size.
-
-    The program `values` contains a copy of `operations`: `state` is {number of an input or value:
-    its operand in the copy}. Sizes are `Number`s, added to `values`. The size of a sum or
-    difference is the sum of the sizes of both operands; other sizes are about the modulus. The size
-    of a branch is the size of the chosen operand only if `with_branches`.
-    """
-    sizes = {a: abs(values.number(number)) for a, number in state.items()}
-    for name, number, operands in operations:
-        a, b, *_ = of = [abs(a) if isinstance(a, float) else sizes[a] for a in (*operands, 0.0)]
-        if is_matrix(name):
-            moduli = DenseMatrix(abs(name.matrix))
-            sizes[number] = values.number(values.emit(moduli, *map(operand_of, of[:-1])))
-        elif name == ENTRY:
-            sizes[number] = values.number(values.emit(ENTRY, a.number, b))
-        elif name in ("fadd", "fsub"):
-            sizes[number] = a + b
-        elif name == "fmul":
-            sizes[number] = a * b
-        elif name == "fdiv" and not isinstance(operands[1], float):
-            sizes[number] = a / abs(values.number(state[operands[1]]))
-        elif name == "fdiv":
-            sizes[number] = a / b
-        elif name == "fabs":
-            sizes[number] = a
-        elif with_branches and name in ("max", "min"):
-            sizes[number] = larger(a, b)
-        elif with_branches and name == "select":
-            a, b = (values.number(abs(a)) if type(a) is float else sizes[a] for a in operands[1:])
-            sizes[number] = values.number(state[operands[0]]).select(a, b)
-    return sizes
 
 
 def _degrees(f):

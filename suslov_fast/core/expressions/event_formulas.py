@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 from ..cached import cached_property
 from .derivative import gradients
-from .double_crossings import sizes_of
 from .programs import Expressions, Program, dot, emitted, needed_for, program_of, renumbered
+from .rounding import sizes_of
 from .tables import is_table
 from .values import operand_of
 

@@ -8,9 +8,9 @@ steps contain fast modes. So after these steps only rates of events and of clock
 from math import inf
 
 from .derivative import gradients_along
-from .double_crossings import sizes_of
 from .event_formulas import GAP, NOISE
 from .programs import Expressions, emitted, program_of
+from .rounding import sizes_of
 from .values import larger, operand_of, smaller
 
 SOONER = 2.0**-22  # factor of the time to a surface on which a state is, except for its errors

@@ -385,15 +385,14 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
         simplest = len(P), has_constant_term(P), -factors, str(P)
         return degree_of(P), str(P) not in first, -complex_factors, *simplest
 
+    def as_denominator(P: Any) -> tuple[Any, ...]:
+        in_limit = limit(P)
+        is_zero_at_0 = not has_constant_term(in_limit)
+        return degree_of(in_limit), degree_of(P), is_zero_at_0, not is_definite(P)
+
     ordered = sorted(candidates.values(), key=order)
-    denominator = min(ordered, key=_order_of_denominator)
+    denominator = min(ordered, key=as_denominator)
     return [denominator, *selected(ordered, [denominator], of=limit)]
-
-
-def _order_of_denominator(P: Any) -> tuple[Any, ...]:
-    """Return the sort key of denominators: by degree, then P(0) != 0, then P of one sign."""
-    in_limit = limit(P)
-    return degree_of(in_limit), degree_of(P), not has_constant_term(in_limit), not is_definite(P)
 
 
 def is_definite(P: Any) -> bool:

@@ -315,10 +315,9 @@ def _function_by(f: Any, variables: list[RationalFunction]) -> RationalFunction:
     must = "integrals must give quotients of polynomials in the variables, by +, -, *, /, **"
     try:
         return as_function(f(tuple(variables)))
-    except (TypeError, AttributeError) as error:
-        raise TypeError(f"{must}: {error}") from error
-    except (ValueError, IndexError, ArithmeticError) as error:
-        raise ValueError(f"{must}: {error}") from error
+    except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
+        kind = TypeError if isinstance(error, TypeError | AttributeError) else ValueError
+        raise kind(f"{must}: {error}") from error
 
 
 def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:

@@ -68,6 +68,7 @@ class RationalMap(WithLetters):
     hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
     modified_energy: Any = None  # its integral for the Kahan map, if it is not constant
     _latest: tuple[Any, Any] = None, None  # the last modulus, and the forms modulo it
+    _latest_numbers: Any = None, None  # the last numbers for letters, and the map for them
 
     def __init__(
         self,
@@ -112,6 +113,12 @@ class RationalMap(WithLetters):
         """Return the map with the numbers `values` in place of its letters, if it has any."""
         if not self.is_symbolic:
             return self
+        latest = self._latest_numbers
+        if latest[0] != values:
+            latest = self._latest_numbers = values, self._at_numbers(values)
+        return latest[1]
+
+    def _at_numbers(self, values: Values) -> RationalMap:
         return self._with(dict(zip(self.letters, map(Fraction, values), strict=False)))
 
     @cached_property

@@ -98,9 +98,7 @@ class KahanMap(RationalMap):
         terms = collected(np.array(indices).T, constants, self.dimension, 2)
         return KahanMap(Field._of_terms(terms, self.field.names), eps, is_exact=True)
 
-    def at_eps(self, values: Values) -> KahanMap:
-        if not self.is_symbolic:
-            return self
+    def _at_numbers(self, values: Values) -> KahanMap:
         point = [*values[: len(self.letters)], *[0] * self.dimension]
         forward, backward = KahanMap(self.field, Fraction(1)), KahanMap(self.field, Fraction(-1))
         for map, at in ((self, forward), (self.inverse, backward)):

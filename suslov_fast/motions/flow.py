@@ -197,7 +197,7 @@ def solved(
     with reporter(progress, total) as report:
         if report is not None or events:
             others = request.threads, report, event_times, request.most, request.since
-            request = SolverRequest(times, request.sign, settings, *others)  # fast `_replace`
+            request = SolverRequest(times, request.sign, settings, *others)  # sooner than `_replace`
         if names:
             result, of_columns = with_derivatives(body._field, x, batch, names, request, actions)
         elif events:

@@ -196,8 +196,9 @@ def solved(
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         if report is not None or events:
+            # Sooner than `_replace`.
             others = request.threads, report, event_times, request.most, request.since
-            request = SolverRequest(times, request.sign, settings, *others)  # sooner than `_replace`
+            request = SolverRequest(times, request.sign, settings, *others)
         if names:
             result, of_columns = with_derivatives(body._field, x, batch, names, request, actions)
         elif events:
@@ -267,17 +268,13 @@ def motion_of(
     result = empty_result(x, len(request.times))
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
-        members = _members(system, batch, where)
-        part = motion_of(members, x[where], (len(where),), request)
+        parts = {
+            name: flat_arrays(a, batch, system._axes.get(name, 0))[where]
+            for name, a in system._arrays.items()
+        }
+        part = motion_of(system._with_parts(parts), x[where], (len(where),), request)
         result = result.with_part(where, part)
     return result
-
-
-def _members(body: Any, batch: tuple[int, ...], where: NDArray[np.int64]) -> Any:
-    """Return the members (K,) of a body, one for each of the trajectories `where` of the batch."""
-    axes, arrays = body._axes, body._arrays
-    parts = {name: flat_arrays(a, batch, axes.get(name, 0))[where] for name, a in arrays.items()}
-    return body._with_parts(parts)
 
 
 def _exact(

@@ -63,7 +63,7 @@ class Records(NamedTuple):
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
     states: FloatArray  # (K, D), after the event
-    of_columns: Any = None  # (K, C + 2 D), see `Columns.of_records`
+    of_columns: Any = None  # (K, C + 2 D), see `sensitivities._of_records`
     # Derivatives of `time` (K, C), and of `before` and `states` (K, D, C), if they are computed.
     time_by: Any = None
     before_by: Any = None

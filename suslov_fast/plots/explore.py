@@ -96,8 +96,10 @@ class Page:
         text = " ".join(str(each.message) for each in caught) or Status(int(run.status)).message
         return dict(zip("txy", columns, strict=True)), str(run.body), text
 
-    def _sliders(self) -> list[Any]:
-        from bokeh.models import Slider
+    def __call__(self, document: Any) -> None:
+        from bokeh.layouts import column, row
+        from bokeh.models import Button, ColumnDataSource, Div, Legend, LegendItem, Select, Slider
+        from bokeh.plotting import figure
 
         sliders = []
         for each in self.quantities:
@@ -105,14 +107,6 @@ class Page:
             form: dict[str, Any] = {"step": 10.0**digits, "format": "0[.]" + "0" * max(0, -digits)}
             form |= {"title": each.name, "value": each.value, "width": _WIDTH}
             sliders.append(Slider(start=each.low, end=each.high, **form))
-        return sliders
-
-    def __call__(self, document: Any) -> None:
-        from bokeh.layouts import column, row
-        from bokeh.models import Button, ColumnDataSource, Div, Legend, LegendItem, Select
-        from bokeh.plotting import figure
-
-        sliders = self._sliders()
         choices = [
             Select(title=title, value=name, options=self.names, width=_WIDTH // 2 - 5)
             for title, name in zip(("First", "Second"), (self.names * 2)[:2], strict=True)
@@ -120,7 +114,7 @@ class Page:
         states, start = ColumnDataSource(name="states"), ColumnDataSource()
         equations, message = Div(sizing_mode="stretch_width"), Div(name="message", width=_WIDTH)
         reset = Button(label="Reset", name="reset", width=_WIDTH)
-        form: dict[str, Any] = {"height": 440, "min_width": 340, "toolbar_location": "above"}
+        form = {"height": 440, "min_width": 340, "toolbar_location": "above"}
         plane, over_time = (figure(sizing_mode="stretch_width", **form) for _ in range(2))
         if "time" in self.options:
             plane.line("x", "y", source=states, color=_DARK)

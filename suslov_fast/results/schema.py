@@ -26,11 +26,6 @@ class Column(NamedTuple):
         """The name in datasets and stores."""
         return self.name.rpartition(".")[2]
 
-    @property
-    def is_public(self) -> bool:
-        """True if datasets and stores have the column; files have all columns."""
-        return not self.name.startswith("_")
-
 
 RUN = (
     Column("states", "float64", "n batch component"),
@@ -79,9 +74,12 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
 
 
 def in_datasets(kind: str, *conditions: str) -> list[Column]:
-    """Return the columns in datasets of results of a class, where `conditions` hold."""
+    """Return the columns in datasets of results of a class, where `conditions` hold.
+
+    Columns of private attributes are in files alone.
+    """
     columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
-    return [c for c in columns if c.is_public and not c.axes.startswith("event")]
+    return [c for c in columns if not c.name.startswith("_") and not c.axes.startswith("event")]
 
 
 def value_of(result: Any, name: str) -> Any:

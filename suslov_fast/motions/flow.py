@@ -187,7 +187,7 @@ def solved(
     """
     times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()
-    of_columns, event_times, at_rest = None, None, (None, None)
+    event_times, at_rest = None, (None, None)
     if events:
         actions = actions_of(body._field, events)
         event_times = event_times_of(events, request.sign, batch)
@@ -200,7 +200,7 @@ def solved(
             others = request.threads, report, event_times, request.most, request.since
             request = SolverRequest(times, request.sign, settings, *others)
         if names:
-            result, of_columns = with_derivatives(body._field, x, batch, names, request, actions)
+            result = with_derivatives(body._field, x, batch, names, request, actions)
         elif events:
             groups = with_events(body._field, actions)
             result = to_tolerance(groups, body._field.shape, x, batch, request)
@@ -210,7 +210,7 @@ def solved(
         is_clear = result.ends is None and at_rest[0] is None  # as in most calls
         if not is_clear and len(where := are_stuck(result, at_rest[0])):
             part = Sliding(body._field, x, batch, where, request, events)
-            result, of_columns, phases = part.continued(result, of_columns, names, at_rest)
+            result, phases = part.continued(result, names, at_rest)
         if report is not None and total and not result.is_stopped:
             report(total)  # the engine counts equal times once, and no states after an end
     if len(times) == 1:
@@ -230,8 +230,10 @@ def solved(
         "status": status,
         "end": end,
         "_again": again,
-        "_derivatives": of_columns,
     }
+    if names:
+        shape = len(times), *batch, *result.derivatives.shape[2:]
+        arrays["_derivatives"] = result.derivatives.reshape(shape)
     for name, column in result.columns.items():
         arrays[name] = column.reshape(batch)
     motion = Motion._of(arrays)

@@ -143,6 +143,7 @@ class SolverResult(NamedTuple):
     columns: dict[str, NDArray[Any]]  # of `COLUMNS`, (B,) each
     ends: Ends | None = None  # None if all have reached the last time, at once and without doubt
     records: Any = None  # `Records` or `Rows`, if there are events
+    derivatives: Any = None  # (n, B, D, C), if they are asked for
     is_stopped: bool = False  # whether `report` ended the run
 
     @property
@@ -174,6 +175,8 @@ class SolverResult(NamedTuple):
         for whole, new in zip(wholes, [*part.all_ends, *part.columns.values()], strict=True):
             whole[where] = new
         self.states[:, where] = part.states
+        if part.derivatives is not None:
+            self.derivatives[:, where] = part.derivatives
         if part.records is not None:
             records = records.in_order().with_part(where, part.records.in_order())
         is_stopped = self.is_stopped or part.is_stopped
@@ -281,7 +284,7 @@ def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
         repeated=np.zeros(len(starts), np.int8),
     )
     records = _rows_of(engine.records, starts, engine.request)
-    return SolverResult(engine.states, engine.columns, ends, records, engine.is_stopped)
+    return SolverResult(engine.states, engine.columns, ends, records, is_stopped=engine.is_stopped)
 
 
 def _rows_of(records: Any, starts: FloatArray, request: SolverRequest) -> Rows | None:

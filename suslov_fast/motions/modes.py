@@ -83,12 +83,11 @@ class Sliding:
             settings = settings._replace(atol=settings.atol + (0.0,) * size)
         self.request = request._replace(event_times=times, settings=settings, report=None)
 
-    def continued(self, result: Any, of_columns: Any, names: Any, at_rest: Any) -> Any:
-        """Return the result and derivatives of all trajectories, with these computed again.
+    def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
+        """Return the result of all trajectories, with these computed again, and their phases.
 
-        `result` and `of_columns` are the result and derivatives so far; `names` are what to
-        differentiate with respect to, and `at_rest` is a result of `starts_at_rest`. The third
-        value has the attributes of the motion for phases.
+        `names` are what to differentiate with respect to, and `at_rest` is a result of
+        `starts_at_rest`. Phases are a dictionary of attributes of the motion.
         """
         where, D = self.where, self.x.shape[1]
         which, event = at_rest
@@ -99,16 +98,14 @@ class Sliding:
                 "the side from which it is crossed, or hold x0 there by a variable for the mode"
             )
         if self.modes is None:
-            return result, of_columns, {}
+            return result, {}
         K, field = (len(where),), self.field
-        columns = kept = None
+        kept = None
         if names:
-            part, columns = with_derivatives(
-                field, self.starts, K, names, self.request, self.actions
-            )
+            part = with_derivatives(field, self.starts, K, names, self.request, self.actions)
             of_modes = slice(D, self.starts.shape[1]) if "x0" in names else ()
-            kept = np.delete(np.arange(columns.shape[-1]), of_modes)
-            columns = columns[..., :D, kept]
+            kept = np.delete(np.arange(part.derivatives.shape[-1]), of_modes)
+            part = part._replace(derivatives=part.derivatives[..., :D, kept])
         else:
             groups = with_events(field, self.actions)
             part = to_tolerance(groups, field.shape, self.starts, K, self.request)
@@ -120,23 +117,19 @@ class Sliding:
             status[status == Status.ACCUMULATES] = Status.SLIDING
         part = part._replace(states=part.states[..., :D], ends=ends)
         rows = rows_of(of_part, D, self.count, len(self.contacts))
-        part = self.stopped(part._replace(records=self.records(of_part, kept)), columns)
+        part = self.stopped(part._replace(records=self.records(of_part, kept)))
         numbers = rows[:, 0].astype(np.int64)
         rows[:, 0] = where[numbers]
         rows = rows[~(abs(rows[:, 2]) > abs(ends.t[numbers]))]
-        if columns is not None:
-            flat = of_columns.reshape(len(of_columns), -1, *of_columns.shape[-2:])
-            flat[:, where] = columns
-            of_columns = flat.reshape(of_columns.shape)
         if not self.has_records:
             part = part._replace(records=None)
         phases = {"_phases": read_only(rows), "_surfaces": self.texts()}
-        return result.again(where, part), of_columns, phases
+        return result.again(where, part), phases
 
-    def stopped(self, part: Any, columns: Any) -> Any:
+    def stopped(self, part: Any) -> Any:
         """Return a result in which contacts end solutions at their hit number `most`.
 
-        The states and derivatives (`columns`) after it become NaN.
+        The states and derivatives after it become NaN.
         """
         records, times = part.records, abs(self.request.times)
         for k in self.contacts:
@@ -148,10 +141,9 @@ class Sliding:
             stops = records.trajectory[last]
             part.ends.t[stops], part.ends.status[stops] = records.time[last], Status.STOPPED
             later = times[:, np.newaxis] > abs(records.time[last])
-            for a in (part.states,) if columns is None else (part.states, columns):
-                a[:, stops] = np.where(
-                    later[..., *(np.newaxis,) * (a.ndim - 2)], np.nan, a[:, stops]
-                )
+            for a in (part.states, part.derivatives)[: 1 if part.derivatives is None else 2]:
+                is_later = later.reshape(*later.shape, *(1,) * (a.ndim - 2))
+                a[:, stops] = np.where(is_later, np.nan, a[:, stops])
             bound = np.full(len(part.ends.t), len(records.time))
             bound[stops] = last
             records = records.selected(np.arange(len(records.time)) <= bound[records.trajectory])

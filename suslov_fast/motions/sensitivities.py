@@ -28,10 +28,10 @@ def with_derivatives(
     names: tuple[str, ...],
     request: SolverRequest,
     actions: tuple[EventAction, ...],
-) -> tuple[SolverResult, FloatArray]:
-    """Return the motion from states x (B, D), and its derivatives with respect to `names`.
+) -> SolverResult:
+    """Return the motion from states x (B, D) with its derivatives with respect to `names`.
 
-    Derivatives have the shape (n, ..., D, C), columns with respect to x0 first.
+    Derivatives with respect to x0 are the first columns.
     """
     B, D = x.shape
     by_starts, parameters = D * ("x0" in names), tuple(name for name in names if name != "x0")
@@ -58,10 +58,9 @@ def with_derivatives(
     if actions:
         records = result.records.in_order()
         result = result._replace(records=_of_records(records, scales[records.trajectory]))
-    n = len(result.states)
-    columns = result.states[..., D:].reshape(n, B, C, D).swapaxes(2, 3) / scales[:, np.newaxis]
-    result = result._replace(states=np.ascontiguousarray(result.states[..., :D]))
-    return result, columns.reshape(n, *batch, D, C)
+    states = np.ascontiguousarray(result.states[..., :D])
+    columns = result.states[..., D:].reshape(len(states), B, C, D).swapaxes(2, 3)
+    return result._replace(states=states, derivatives=columns / scales[:, np.newaxis])
 
 
 def _power_of_2(values: FloatArray) -> FloatArray:

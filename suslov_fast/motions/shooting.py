@@ -87,8 +87,8 @@ class FieldFlow:
     def arcs(self, nodes: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
         """Return the ends (M, D) of arcs from nodes, and the derivatives (M, D, D) of the ends."""
         request, batch = self._request([duration]), (len(nodes),)
-        result, slopes = with_derivatives(self.field, nodes, batch, ("x0",), request, self._actions)
-        return result.states[0], slopes[0]
+        result = with_derivatives(self.field, nodes, batch, ("x0",), request, self._actions)
+        return result.states[0], result.derivatives[0]
 
     def states(self, x: FloatArray, times: Any) -> FloatArray:
         """Return the states (n, D) of the motion from x at times, all 0 or later."""

@@ -208,20 +208,6 @@ def test_rotations_belong_to_members_and_their_copies(rng):
         assert plain == one
 
 
-def test_a_body_with_a_rotor_has_no_formulas_of_the_paper():
-    """Also of a family in which one member has a rotor."""
-    for k in (0.5, [0.0, 0.5]):
-        body = Suslov3D(4, 1, -0.5, -0.3, k)
-        for call in (
-            lambda body: body.to_xy([1.0, 0.5]),
-            lambda body: body.closed_form([1.0, 0.5], 0.1),
-            lambda body: body.step_full([1.0, 0.5, 0.0], 0.1, I3=3),
-            lambda body: body.scattering_angle(),
-        ):
-            with pytest.raises(ValueError, match="rotor"):
-                call(body)
-
-
 def test_members_of_a_family_with_and_without_rotors(rng):
     """Each member has the values of the body alone."""
     family, x = Suslov3D(4, 1, -0.5, -0.3, [0.0, 0.7]), rng.normal(size=2)
@@ -247,8 +233,6 @@ def test_numbers_that_no_body_has_are_told_of():
     J, I = [1.3, 2.1, 3.7], [0.4, 0.7, 0.5]
     with pytest.warns(UserWarning, match="I_1"):
         assert SuslovND(J=I, I=J).dimension == 3
-    with pytest.raises(TypeError, match="J="):
-        SuslovND(*(J, I))
 
 
 def test_coefficients_of_bodies_are_rounded_once():

@@ -217,15 +217,10 @@ def test_ctrl_c():
 
 
 @pytest.mark.compiled
-def test_progress(body, capsys, monkeypatch):
+def test_the_bar_of_progress(body, capsys, monkeypatch):
     for name in ("CHUNK_WORK", "TURNING"):
         monkeypatch.setattr(batch, name, 2**8)
-    seen, omega = [], np.ones((70, 2))
-    sf.iterate(body, omega, 0.2, 300, progress=lambda *n: seen.append(n))
-    assert len(seen) > 1
-    assert max(seen) == seen[-1] == (300, 300)
-    sf.iterate(body, omega[:0], 0.2, 10, progress=lambda *n: seen.append(n))
-    assert seen[-1] == (10, 10)
+    omega = np.ones((70, 2))
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
     call = batch.call_kernel

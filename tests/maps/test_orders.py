@@ -7,10 +7,10 @@ import numba
 import numpy as np
 import pytest
 from samples import SQUARE
-from systems import FLOWS, HENON_HEILES, LORENZ
+from systems import FLOWS, HENON_HEILES, LORENZ, compiled_step
 
 import suslov_fast as sf
-from suslov_fast import IntegrationWarning, Status, compiled
+from suslov_fast import IntegrationWarning, Status
 from suslov_fast.maps.map_records import map_of
 
 # As published, up to the middle one: Suzuki (1990); Sofroniou and Spaletta (2005), with 32 digits.
@@ -139,9 +139,7 @@ def test_status_of_sub_steps(method, rng):
         assert (run.status == wanted).all()
         assert 0 < np.count_nonzero(run.status == Status.PASSED_POLE) < 40
         assert (run.failed_at == np.where(run.status == Status.OK, -1, 1)).all()
-        system = compiled.system(field, eps, method=method)
-        memory, out = compiled.work(system), np.empty(field.dimension)
-        assert [compiled.step_system(system, each, out, memory) for each in x] == wanted
+        assert [compiled_step(field, each, eps, method=method)[0] for each in x] == wanted
 
 
 def at_the_pole_of(stage, method):
@@ -173,10 +171,8 @@ def test_a_pole_in_a_sub_step(method):
         for function in (sf.step, sf.kahan.jacobian):
             with pytest.warns(IntegrationWarning):
                 assert np.isnan(function(SQUARE, starts[1], 1.0, method=method)).all()
-        system = compiled.system(SQUARE, 1.0, method=method)
-        out = np.empty(1)
-        found = compiled.step_system(system, np.array(starts[1]), out, compiled.work(system))
-        assert (found, np.isnan(out[0])) == (Status.SINGULAR, True)
+        status, out = compiled_step(SQUARE, starts[1], 1.0, method=method)
+        assert (status, np.isnan(out[0])) == (Status.SINGULAR, True)
 
 
 @pytest.mark.parametrize("D", [2, 18])

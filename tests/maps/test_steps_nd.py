@@ -94,14 +94,6 @@ def test_huge_steps(rng, speed):
             assert naive.relative_error(one_step(method, J, I, eps, omega).final, exact[1]) < 2e-13
 
 
-@pytest.mark.compiled
-def test_many_dimensions(rng):
-    J, I = rng.uniform(1, 4, 4999), rng.normal(size=4999) / 70
-    run = sf.iterate(sf.SuslovND(J=J, I=I), rng.normal(size=4999) / 70, 0.1, 50, save_every=10)
-    assert run.ok.all()
-    assert np.ptp(run.energy()) < 1e-2
-
-
 def test_poles_with_one_small_d(rng):
     """A is singular to rounding at omega times -1 over an eigenvalue of A(omega) - Id."""
     problems = []

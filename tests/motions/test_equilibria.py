@@ -98,20 +98,6 @@ def test_multiple_roots(f, near, right, digits):
     assert abs(found.states - right).max() <= max(digits, 1e-7)
 
 
-@pytest.mark.parametrize(
-    ("f", "near", "status"),
-    [
-        (lambda x: (x[0] ** 2 + 1, -x[1]), [0.1, 0.2], sf.Status.NOT_FOUND),
-        (lambda x: (np.log(x[0]),), [-1.0], sf.Status.NONFINITE),
-    ],
-)
-def test_states_without_an_equilibrium(f, near, status):
-    with pytest.warns(UserWarning, match="1 of 1 starts"):
-        found = _near(f, near)
-    assert found.status == status
-    assert np.isnan(found.states).all()
-
-
 def test_totals_are_kept():
     enzyme = _near(
         lambda x: (-x[0] * x[1] + x[2], -x[0] * x[1] + 2 * x[2], x[0] * x[1] - 2 * x[2], x[2]),

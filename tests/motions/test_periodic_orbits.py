@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from systems import LORENZ, kepler, three_bodies, van_der_pol
+from systems import LORENZ, kepler, on_a_table, three_bodies, van_der_pol
 
 import suslov_fast as sf
-from suslov_fast import Field, NoConvergence, flow, periodic_orbit
+from suslov_fast import Event, Field, NoConvergence, flow, periodic_orbit
 
 # Those of integrals that are not known are told by one warning, which a test below asks for.
 pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
@@ -38,6 +38,7 @@ def of_masses(s):
 HALO = Field(three_bodies, 6, mu=0.01215058560962404)
 ARENSTORF = Field(three_bodies, 6, mu=0.012277471)
 X, V = np.array([0.97000436, -0.24308753]), np.array([-0.93240737, -0.86473146])
+FAR = Field(lambda x: van_der_pol([x[0] - 1e5, x[1]]), 2)
 # A field, a start, an approximate period or None, the period and how exact it is, or None.
 KNOWN = {
     "AB, no period": (LORENZ, [-13.76, -19.58, 27.0], None, 1.558652210716175, 1e-12),
@@ -51,6 +52,11 @@ KNOWN = {
         ARENSTORF, [0.994, 0, 0, 0, -2.00158510637908252, 0], None, 17.0652165601579625, 2e-9
     ),
     "Morris-Lecar": (Field(morris_lecar, 2), [-35.0, 0.06], None, 102.72716533, 2e-9),
+    "Lyapunov": (
+        Field(three_bodies, 6, mu=0.01215), [0.82, 0, 0, 0, 0.1625, 0], 2.8, 2.7803, 4e-5
+    ),
+    "far from the origin": (FAR, [1e5 + 2.0, 0.0], 6.6, 6.6632868593231, 1e-6),
+    "far from the origin, no period": (FAR, [1e5 + 2.0, 0.0], None, 6.6632868593231, 1e-6),
     "figure eight": (
         Field(of_masses, 12), [*X, *-X, 0, 0, *-V / 2, *-V / 2, *V], 6.3, 6.32591398,
         2e-8,
@@ -201,13 +207,6 @@ def test_rest_states_of_forced_systems(name, way):
     np.testing.assert_allclose(sorted(abs(orbit.multipliers)), sorted(abs(expected)), rtol=1e-7)
 
 
-def test_an_orbit_far_from_the_origin():
-    field = Field(lambda x: (x[1], (1 - (x[0] - 1e5) ** 2) * x[1] - (x[0] - 1e5)), 2)
-    for about in (6.6, None):
-        orbit = periodic_orbit(field, [1e5 + 2.0, 0.0], about)
-        assert orbit.period == pytest.approx(6.6632868593231, rel=1e-6)
-
-
 def test_time_scales_with_its_unit():
     """In another unit of time and of the state the orbit is the same."""
     unit = 2.0**-14
@@ -243,11 +242,6 @@ def test_an_orbit_far_from_x0_is_told():
     motion = flow(moon, orbit.state, time=np.linspace(0, orbit.period, 100))
     assert 2.69 < orbit.period < 2.8  # of Lyapunov's family, about the point at .8369
     assert (abs(motion["x"] - 0.8369) < 0.03).all()
-
-
-def test_an_orbit_about_the_first_point_of_lagrange():
-    moon = sf.Field(three_bodies, "x y z u v w", mu=0.01215)
-    assert abs(periodic_orbit(moon, [0.82, 0, 0, 0, 0.1625, 0], period=2.8).period - 2.7803) < 1e-4
 
 
 def test_clocks_that_nothing_depends_on_or_that_stand():
@@ -310,3 +304,83 @@ def test_motions_that_fall_to_an_equilibrium(seed):
         periodic_orbit(field, rest + rng.normal(size=2))
     found = str(told.value).split("equilibrium [")[1].split("]")[0]
     np.testing.assert_allclose([float(a) for a in found.split(", ")], rest, atol=1e-4)
+
+
+# ----------------------------------------------------------------------- with events and jumps
+@pytest.mark.parametrize(("start", "period"), [([0.0, 0.5], 1.0), ([0.3, 1.5], None)])
+def test_spiking_cycles(start, period):
+    f = Field(lambda x, I, a: (I - x[0], -a * x[1]), "v w", I=1.5, a=0.3)
+    spike = Event(lambda x: x[0] - 1, direction=1, to=lambda x: (0, x[1] + 0.5))
+    orbit = periodic_orbit(f, start, period, events=spike)
+    T = np.log(3.0)
+    assert abs(orbit.period - T) < 1e-10
+    np.testing.assert_allclose(orbit.multipliers, [1.0, np.exp(-0.3 * T)], rtol=1e-9)
+    motion = flow(f, orbit.state, time=[T, 2 * T], events=spike, rtol=1e-12)
+    np.testing.assert_allclose(motion.states, [orbit.state] * 2, rtol=1e-9)
+
+
+def test_the_simplest_walker():
+    """On a slope of .009: a stable walk, of the long period, with the state after a step."""
+
+    def legs(s):
+        theta, phi, u, v = s
+        pull = np.sin(theta - 0.009)
+        return u, v, pull, pull + np.sin(phi) * (u**2 - np.cos(theta - 0.009))
+
+    def step(s):
+        c = np.cos(2 * s[0])
+        return -s[0], -2 * s[0], c * s[2], c * (1 - c) * s[2]
+
+    field = Field(legs, "theta phi u v")
+    strike = Event(lambda s: s[1] - 2 * s[0], direction=1, to=step)
+    orbit = periodic_orbit(field, [0.2, 0.4, -0.2, -0.02], events=strike)
+    found = flow(field, orbit.state, time=orbit.period, events=strike).events.states
+    np.testing.assert_allclose(found, [[0.2003, 0.4006, -0.1998, -0.0158]], atol=5e-5)
+    pair = -0.1900998 + np.array([0.5575988j, -0.5575988j])
+    np.testing.assert_allclose(orbit.multipliers, [1.0, *pair, 0.0], atol=1e-7)
+
+
+def test_a_ball_on_a_vibrating_table():
+    """It bounces once in a period at the phase p with A cos p = pi (1 - e)/(1 + e), g = 1."""
+    e, T = 0.5, 2 * np.pi
+    of_cos, of_sin = T / 2 * (1 - e) / (1 + e), 1.5 / (1 + e) ** 2
+    A, p = np.hypot(of_cos, of_sin), np.arctan2(of_sin, of_cos)
+    ball, hit = on_a_table(A, e)
+    start = [A * np.sin(p) + T**2 / 8 + 0.01, 0.01, p + T / 2]
+    orbit = periodic_orbit(ball, start, T, events=hit)
+    # Of multipliers m: m**2 - (1 + e**2 - (1 + e)**2 A sin p) m + e**2 = 0.
+    right = np.roots([1.0, -(1 + e**2 - 1.5), e**2])
+    np.testing.assert_allclose(
+        np.sort_complex(orbit.multipliers), np.sort_complex(right), rtol=1e-8
+    )
+    with pytest.raises(ValueError, match=r"^period must be given"):
+        periodic_orbit(ball, start, events=hit)
+    with pytest.raises(ValueError, match=r"^period "):
+        periodic_orbit(ball, start, 1.1 * T, events=hit)
+
+
+def test_a_relay_that_drives_an_oscillator():
+    # v' = -x - v/5 + sign(v)/2: in half a turn, which lasts pi/w, the amplitude A becomes
+    # (A + 1/2) q + 1/2.
+    relay = Field(lambda s: (s[1], -s[0] - 0.2 * s[1] + 0.5 * np.sign(s[1])), "x v")
+    w = np.sqrt(0.99)
+    q = np.exp(-0.1 * np.pi / w)
+    A = 0.5 * (1 + q) / (1 - q)
+    orbit = periodic_orbit(relay, [-1.1 * A, 0.1], period=6.0)
+    assert orbit.period == pytest.approx(2 * np.pi / w, rel=1e-9)
+    np.testing.assert_allclose(orbit.multipliers, [1.0, q * q], rtol=1e-8)
+    phases = {"time": 5 * orbit.period, "transient": 20 * orbit.period}
+    exponents = sf.lyapunov_exponents(relay, orbit.state, **phases)
+    np.testing.assert_allclose(exponents, [0.0, -0.1], atol=1e-5)
+
+
+def test_integrals_that_events_do_not_keep_leave_out_no_multiplier():
+    """Kicks change the energy of an oscillator: a speed 1 + d becomes 1 + k d each turn."""
+    field = Field.from_hamiltonian(lambda x: (x[0] ** 2 + x[1] ** 2) / 2, "q p")
+    for k, is_stable in ((1.5, False), (0.5, True)):
+        kick = Event(lambda x: x[0], direction=1, to=lambda x, k=k: (x[0], 1 + k * (x[1] - 1)))
+        orbit = periodic_orbit(field, [0.0, -1.0], 6.28, events=kick)
+        np.testing.assert_allclose(np.sort(orbit.multipliers.real), sorted([1.0, k]), atol=1e-9)
+        assert orbit.stable is is_stable
+    marker = Event(lambda x: x[0])  # which changes nothing
+    assert periodic_orbit(field, [0.1, -1.0], 6.28, events=marker).stable

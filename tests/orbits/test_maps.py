@@ -9,6 +9,7 @@ import pickle
 import numpy as np
 import pytest
 from scipy.linalg import qr
+from systems import compiled_step
 
 import suslov_fast as sf
 from suslov_fast import IntegrationWarning, Map, Status, iterate, lyapunov_exponents
@@ -180,9 +181,8 @@ def test_a_sum_of_components_may_overflow(B):
     assert run.failed_at.tolist() == [[3, 2, -1][k % 3] for k in range(B)]
     assert np.array_equal(run.states[1], 10 * x)
     assert np.array_equal(run.states[2, ::3], 100 * x[::3])
-    constants, out = sf.compiled.system(map), np.zeros(2)
-    memory = sf.compiled.work(constants)
-    assert sf.compiled.step_system(constants, 10 * x[0], out, memory) == Status.OK
+    status, out = compiled_step(map, 10 * x[0])
+    assert status == Status.OK
     assert np.array_equal(out, 100 * x[0])
     np.testing.assert_allclose(lyapunov_exponents(map, x[0], 2), math.log(10), rtol=1e-15)
 
@@ -197,9 +197,7 @@ def test_powers_do_not_hide_a_missing_state(power):
     assert np.isnan(run.states[:, 0]).all()
     np.testing.assert_allclose(run.final[1, :, 0], power(power(0.5, p), p), rtol=1e-15)
     for k in range(3):
-        constants, out = sf.compiled.system(map[k]), np.zeros(1)
-        memory = sf.compiled.work(constants)
-        status = sf.compiled.step_system(constants, np.array([np.nan]), out, memory)
+        status, out = compiled_step(map[k], [np.nan])
         assert status == Status.NONFINITE
         assert np.isnan(out).all()
 
@@ -235,9 +233,8 @@ def test_choices_between_parameters(choice):
     assert np.array_equal(iterate(map[3], [3.0, 5.0], steps=2).final, run.final[3])
     expected = np.sort([np.log(abs(choice(p))), 0 * p], axis=0)[::-1].T
     np.testing.assert_allclose(lyapunov_exponents(map, [3.0, 5.0], 4), expected, atol=1e-12)
-    constants, out = sf.compiled.system(map[0]), np.zeros(2)
-    memory = sf.compiled.work(constants)
-    assert sf.compiled.step_system(constants, np.array([3.0, 5.0]), out, memory) == Status.OK
+    status, out = compiled_step(map[0], [3.0, 5.0])
+    assert status == Status.OK
     assert np.array_equal(out, run.states[1, 0])
 
 
@@ -277,6 +274,6 @@ def test_loops_of_users():
         assert sf.compiled.step_system(twin, x, x, memory) == Status.OK
         assert np.array_equal(x, expected)
     for lost in ([1e200, 0.0], [np.nan, 1.0]):
-        out = np.zeros(2)
-        assert sf.compiled.step_system(constants, np.array(lost), out, memory) == Status.NONFINITE
+        status, out = compiled_step(HENON, lost)
+        assert status == Status.NONFINITE
         assert np.isnan(out).all()

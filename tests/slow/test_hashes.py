@@ -91,15 +91,6 @@ def test_on_this_machine():
 REPEATED = "Kahan, order 6", "Kahan, order 8"
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_interpreted():
-    """Saved states of few steps."""
-    found, _ = hashes(4, *REPEATED, NUMBA_DISABLE_JIT="1")
-    compiled = all_hashes(4, REPEATED)
-    assert {name: compiled[name] for name in found} == found
-    assert len(found) > 10
-
-
 @pytest.mark.compiled
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="another family")
 def test_a_cpu_without_extensions(tmp_path):

@@ -65,7 +65,7 @@ class Passage(NamedTuple):
 
 
 class Plane:
-    """A birational map of the plane by homogeneous polynomials, and its contracted `curves`."""
+    """A birational map of the plane in homogeneous coordinates, and its contracted `curves`."""
 
     def __init__(self, map: RationalMap) -> None:
         self.map, self.symbolic, self.degree = map, len(map.letters), map.degree

@@ -96,8 +96,8 @@ def darboux_polynomials(
         C: ``map.determinant`` for det DPhi, a rational number, or a function that
         :func:`cofactors` found. By default all that `cofactors` finds.
     letters : str or sequence of str, optional
-        Names of parameters of a field or a body that stay symbols beside eps, ``"a b"``. The
-        polynomials have them as variables before x1, ..., xD.
+        Names of parameters of a field or a body that stay symbols, in addition to eps: ``"a b"``.
+        The polynomials have them as variables before x1, ..., xD.
 
     Returns
     -------
@@ -240,7 +240,7 @@ def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, p: int, eps: Values) -> Any:
-    """Return the equations P(Phi) = cofactor * P modulo p, as a matrix of points by monomials."""
+    """Return the matrix modulo p of the equations P(Phi) = cofactor * P for coefficients of P."""
     points = _random_points(map, degree, p, eps)
     at_points = flint.nmod_mat(points.times(cofactor, p, eps), p)
     return at_points - flint.nmod_mat(points.of_images, p)

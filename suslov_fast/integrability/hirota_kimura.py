@@ -106,10 +106,10 @@ def hk_bases(
     map
         As in :func:`darboux_polynomials`.
     monomials : int or sequence of exponents
-        The exponents (e1, ..., eD) of each monomial, or a largest degree: then the basis is that of
-        the lowest degree that shows as many independent integrals.
+        The exponents (e1, ..., eD) of each monomial, or a largest degree: then the basis is for the
+        lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
+        `basis` and `dimension` belong to its orbit. By default random integers below 100.
     letters : str or sequence of str, optional
         As in :func:`darboux_polynomials`: then `integrals` hold for all values of these parameters.
 

@@ -71,8 +71,8 @@ _ONE = Product(0, ())
 class Invariants:
     """The known Darboux polynomials of a map, and the integrals and measures that they imply.
 
-    `generators` are Darboux polynomials, none of which is a linear combination of products of
-    others. In methods, `value` stands for a cofactor, see the method of this name.
+    `generators` are Darboux polynomials; none is a linear combination of products of others. In
+    methods, `value` stands for a cofactor, see the method of this name.
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
@@ -366,8 +366,8 @@ _SIGNS = 70  # random points at which a definite polynomial has one sign
 def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     """Return a basis [Q, P_1, P_2, ...] of the span of `space`, for simple integrals P_i / Q.
 
-    All limits for eps to 0 are independent, and that of Q has the least degree. The P_i are chosen
-    by degree; among equal degrees first those in `preferred`, then those with the most factors.
+    All limits for eps to 0 are independent, and the limit of Q has the least degree. Polynomials of
+    low degree come first, then polynomials in `preferred`, then polynomials with many factors.
     """
     echelon = in_echelon_form(space)
     basis = with_independent_limits(echelon)

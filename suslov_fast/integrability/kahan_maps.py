@@ -37,7 +37,7 @@ _LARGEST = 10  # number of variables of a field for which a Hamiltonian is looke
 
 
 class InLetters(NamedTuple):
-    """Coefficients in letters: ``rates[i, j, k]`` of x_j x_k in x_i', and those of H as `energy`.
+    """Coefficients with letters: ``rates[i, j, k]`` of x_j x_k in x_i', ``energy[i, j, k]`` in H.
 
     `given` are the values that the letters had in the system.
     """

@@ -82,12 +82,12 @@ def on_level(
         A birational map of three variables or more, with an inverse. If eps or another letter is
         symbolic, it stays so, and `point` is needed.
     integrals : sequence of RationalFunction or callable
-        D - 2 independent first integrals, such as those of a report; a callable takes the tuple of
+        D - 2 independent first integrals, for example from a report. A callable takes the tuple of
         variables.
     point : sequence of D rational numbers, optional
-        The level is that through this point. By default a letter stands for the value of the
-        integral, or for a coordinate of a point of the level, so that the level is the generic one
-        if D = 3. If D > 3, the other coordinates are small numbers.
+        A point of the level. By default a letter stands for the value of the integral, or for a
+        coordinate of a point of the level, so that the level is the generic one if D = 3. If D > 3,
+        the other coordinates are small numbers.
     letter : str, optional
         The name of this letter, by default h.
 

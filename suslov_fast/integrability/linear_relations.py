@@ -64,12 +64,11 @@ def gradients_of_coefficients(
     length: int,
     first: int = 0,
 ) -> list[list[list[Any]]]:
-    """Return grad c_i for the coefficients c_i of relations, by relation, then by coefficient.
+    """Return a list for each relation: gradients of its coefficients c_i with respect to x.
 
-    The gradients with respect to x solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the
-    derivatives of the relations at `length` points x_k of the orbit of x, from x_first on.
-    Relations must be a basis in echelon form. Coefficients that this form fixes at 0 or 1 are
-    constant, and left out.
+    They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relation at
+    `length` points x_k of the orbit of x, from x_first on. Relations must be a basis in echelon
+    form. Coefficients that this form fixes at 0 or 1 are constant, and left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = ring_modulo(p, n)
@@ -116,8 +115,8 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
     """Return polynomials that span the relations of all orbits if their quotients are integrals.
 
-    They are if the relations of one orbit span d dimensions, and those of all orbits d + 1. Else
-    return ().
+    This is so if the relations of one orbit span d dimensions, and the relations of all orbits span
+    d + 1. Else return ().
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0 or not map.is_invertible:

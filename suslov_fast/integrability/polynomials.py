@@ -245,7 +245,7 @@ def _with_numbers(P: Any, p: int, numbers: Mapping[str, Any]) -> Any:
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
-    """Return a line modulo a prime: homogeneous coordinates a + b t, the last of which is t."""
+    """Return a random line modulo a prime: homogeneous coordinates a + b t, and t as the last."""
     pairs = ([rng.randrange(p), rng.randrange(p)] for _ in range(dimension))
     return [flint.nmod_poly(pair, p) for pair in (*pairs, [0, 1])]
 

@@ -71,7 +71,7 @@ class Report:
 
     @property
     def growth(self) -> Growth:
-        """The `Growth` of the degrees; "unclear" if its entropy differs from that of `planar`."""
+        """The `Growth` of the degrees; "unclear" if `planar` has another entropy."""
         by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
         if planar is None or planar.entropy is None or math.isnan(by_degrees.entropy):
             return by_degrees
@@ -85,8 +85,8 @@ class Report:
         """The algebraic entropy of the map if it is proved, else None.
 
         In the plane, contracted curves or an integral prove it; in three dimensions, the generic
-        level of one integral. For D > 2, D - 1 proved integrals show that it is 0. The theorems are
-        those of birational maps: None without an inverse.
+        level of one integral. For D > 2, D - 1 proved integrals show that it is 0. The theorems
+        hold for birational maps: without an inverse it is None.
         """
         if self._levels_are_curves:
             return 0.0
@@ -227,8 +227,8 @@ def report(
     eps : int, Fraction, float or str, optional
         Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     letters : str, sequence of str or True, optional
-        Names of parameters of a system that stay symbols, ``"a b"``, beside eps; True stands for
-        all. Of a `SuslovND`, J1 stands for all entries of J that equal the first, I1 for I_1.
+        Names of parameters of a system that stay symbols in addition to eps, ``"a b"``; True stands
+        for all. Of a `SuslovND`, J1 stands for all entries of J that equal the first, I1 for I_1.
         Formulas, degrees and numbers of integrals hold for general values. If the values in
         `system` are special, a note says so.
     progress : bool or callable, optional

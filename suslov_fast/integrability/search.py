@@ -48,7 +48,7 @@ from .rational_functions import (
 )
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # coefficients, at most, of polynomials of a higher degree than that of the report
+_FEW = 80  # coefficients, at most, of polynomials of a higher degree than the report has
 _ENOUGH = 10  # iterates whose degrees are enough if they satisfy a recurrence
 _MOST = 40  # iterates, at most
 _CHEAP = 100  # a degree up to which further iterates take little time
@@ -158,7 +158,7 @@ class Known(NamedTuple):
 
 
 class Search:
-    """The facts known about a map, and the tasks that find more, by polynomials up to a degree."""
+    """The known facts about a map, and tasks that find more with polynomials up to a degree."""
 
     def __init__(self, map: RationalMap, degree: int, only_integrals: bool = False):
         self.map, self.degree = map, degree
@@ -445,7 +445,7 @@ class Search:
         return tasks
 
     def _normal_form(self, value: int) -> Tasks:
-        """Replace polynomials of a cofactor by those of a simpler basis; yield tasks."""
+        """Replace polynomials of a cofactor by a simpler basis of the same space; yield tasks."""
         new = self.invariants.normalize(value)
         self._known = None
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):

@@ -308,6 +308,26 @@ def test_a_second_try_that_ends_is_no_answer():
     np.testing.assert_allclose(motion.states[-1, 2], np.cos(5.5), rtol=1e-4)
 
 
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6])
+def test_relaxation_oscillations_jump_at_the_right_time(rtol):
+    """Tyson's oscillator: small components decide when it jumps."""
+    least, most = [-2.3, -0.2, -3.5], [-1.5, 0.3, -2.5]
+    e, w, q = 10 ** np.random.default_rng(8).uniform(least, most, (40, 3)).T
+
+    def tyson(s, e, w, q):
+        x, z = s
+        return (x * (1 - x) - w * z * (x - q) / (x + q)) / e, x - z
+
+    cycle = field(tyson, "x z", e=e, w=w, q=q)
+    times = np.linspace(0.5, 20.0, 40)
+    found, right = (
+        sf.flow(cycle, [0.2, 0.1], time=times, rtol=r, atol=a).states
+        for r, a in ((rtol, None), (1e-11, 0))
+    )
+    allowed = max(1e-3, 100 * rtol) * abs(right) + 100 * rtol * abs(right).max(axis=0)
+    assert np.count_nonzero((abs(found - right) > allowed).any(axis=(0, 2))) <= 2
+
+
 def test_with_atol_0_ends_are_told_how_to_go_on():
     """f is noise where V / (exp(V) - 1) is 0/0, and steps are short there with atol=0."""
     f = field(lambda s: (s[0] * (0.3 * np.exp(s[0]) - 0.1) / (np.exp(s[0]) - 1),), "V")

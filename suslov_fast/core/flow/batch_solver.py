@@ -15,12 +15,13 @@ from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .event_actions import most_records
 from .event_records import size_of
-from .growing_components import TIGHT, loose_of, many_of, some_of
+from .growing_components import TIGHT, many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
+from .tolerance import floors_of
 
 WIDTH = 8  # lanes of a line
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -82,6 +83,8 @@ def numbers_of(settings, sign):
     """Return `SharedNumbers`, which all lanes share, as an array; `sign` of time is 1 or -1."""
     return array("d", SharedNumbers(
         rtol=settings.rtol,
+        floor=floors_of(settings.rtol)[0],
+        floor_implicit=floors_of(settings.rtol)[1],
         last=inf,
         sign=sign,
         part=first_part(settings.rtol),
@@ -91,7 +94,6 @@ def numbers_of(settings, sign):
         first_state=float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
         most=MOST_STEPS,
         many=many_of(settings.rtol),
-        loose=loose_of(settings.rtol),
         acts=float(settings.atol is None or bool(np.any(settings.atol))),
     ))  # fmt: skip
 

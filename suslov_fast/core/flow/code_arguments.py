@@ -33,7 +33,7 @@ class ComponentNumbers(NamedTuple):
     counts: float  # 1, for clocks 0
     steady: float  # 1 for components of a constant rate, else 0
     keeps: float  # 1 for components that keep their sign, else 0
-    some: float  # errors above `some` times a component are watched, see `growing_components`
+    some: float  # the least error beside it that counts, see `growing_components.some_of`
     seeds: float  # added to the vector of the power iteration
 
 
@@ -41,6 +41,8 @@ class SharedNumbers(NamedTuple):
     """Numbers that all lanes share: tolerance, last time, limits of steps and of crossings."""
 
     rtol: float
+    floor: float  # of allowed errors in explicit steps, see `tolerance.floors_of`
+    floor_implicit: float  # in implicit steps
     last: float  # modulus of the last time
     sign: float  # 1 or -1, forward or backward in time
     part: float  # see `step_length.first_part`
@@ -50,7 +52,6 @@ class SharedNumbers(NamedTuple):
     first_state: float  # `LaneState.EXPLICIT` or `LaneState.IMPLICIT`
     most: float  # steps, also refused ones, from one time to the next
     many: float  # see `growing_components`
-    loose: float
     acts: float  # 1 if trajectories with an alarm are to be computed again, 0 if atol is 0
     enough: float = inf  # crossings of surfaces of records, after which a trajectory stops
     since: float = -1.0  # modulus of the time after which they count

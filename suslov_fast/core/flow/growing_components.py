@@ -1,21 +1,23 @@
-"""The alarm: a component that has become small, has lost its digits, and grows again by itself.
+"""The alarm: a component has become small, has lost its digits, and grows again by itself.
 
-Without `atol` a step may have errors that are large beside a component that has become small. They
-do no harm if the component decays for good, or if others feed it: then it forgets them. If it grows
-by itself, its errors grow with it. Then the trajectory is computed again, with relative digits of
-this component, `lost` = RELATIVE, and with rtol / TIGHT, because growth makes all errors larger.
+Without `atol` a step may have errors that are large beside a small component. They do no harm if
+the component decays for good, or if other components feed it: then it forgets them. If it grows by
+itself, its errors grow with it. Then the trajectory is computed again, with relative digits of this
+component (RELATIVE in place of `lost`), and with rtol / TIGHT, because growth makes errors larger.
 
-`lost` carries the relative error of a component: a sum over steps with errors that are more than
-`some` times its size (`some_of`). It is 0 again where others that have their digits feed it:
-|g_i| > |f_i| / 2, where g is f with 0 for all components that have lost digits. At an unstable
-equilibrium it is not. The alarm comes
+`lost` is the relative error that a component carries: the sum of |error / component| over steps in
+which it is small and the error counts (`some_of`). Most steps only compare two products (`ALERTS`);
+a function of its own (`add_watch`) updates `lost`. It is 0 again if the component is large and its
+error is not, and where components that have their digits feed it: |g_i| > |f_i| / 2, where g is f
+with 0 for all components that have lost digits. At an unstable equilibrium it stays. The alarm
+comes
 
-- if such a component grows, and has an error of `many` allowed errors, or of DEEP of its size;
-- if components below their allowed errors would grow. Implicit steps damp exp(a t) to
+- if the component grows, and its error is `many` allowed errors, or DEEP of its size;
+- if components below their allowed errors are about to grow. Implicit steps damp exp(a t) to
   (1 - a h / n)**-n, which is no growth if a h is large, and explicit steps multiply by a polynomial
-  in a h. They would grow if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i) for all of them,
-  with f at a state in which they have some values u_i > 0. These are their allowed errors at first,
-  and become less where a component does not grow, until all grow or none does;
+  in a h. The components would grow if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i) for all
+  of them, with f at a state in which they have some values u_i > 0. These are their allowed errors
+  at first, and become less where a component does not grow, until all grow or none does;
 - if the solution ends while a component has no digits.
 
 If all components are RELATIVE, only those below 2**-990 lose digits. Then the alarm is a warning.
@@ -23,26 +25,27 @@ If all components are RELATIVE, only those below 2**-990 lose digits. Then the a
 
 from math import inf
 
-from ..expressions.values import larger, smaller
+from ..expressions.values import larger
 from ..llvm.text import Carried
+from .codegen import StepCode
 from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # in place of `lost`
 TIGHT, LATER = 4.0, 1.001  # times another end: both may be at the same pole
 # Growth in a step, by the exponent: of the next implicit step, which is four times as long, and of
-# an explicit step that has lost 5e-6 of it. Explicit steps lose (a h / MOST)**10 of exp(a h).
-NEXT, LONG, MOST = 0.25, 2.0, 8.0
+# an explicit step that has lost 1e-6 of it.
+NEXT, LONG = 0.25, 2.0
 # A component that is to grow has a part LESS of its value in the next round, of at most ROUNDS.
 LESS, ROUNDS = 0.25, 24.0
-# An error of `many_of` allowed errors is alarming. Errors of a component that may pass through 0
-# count `loose_of` times less, because they are large beside it there. PART of an alarming error is
-# a reason to look at f. A component is small if it is SMALL of its largest value. The error of a
-# step counts from 25 rtol on at 1e-9, and from rtol on at 1e-6 (`some_of`). Measured on 553
-# problems with rtol 1e-4, 1e-6 and 1e-9. If LOOSE is half as large, 14 in place of 3 of 256 orbits
-# of Van der Pol's equation (mu = 1000) are computed again in vain at 1e-4.
-MANY, LOOSE, LEAST, PART, SMALL, SOME = 0.25, 160.0, 4.0, 0.1, 0.1, 4e-4
-DEEP = 1e-3  # or 100 rtol: part of a component that keeps its sign
+# Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
+# errors is alarming, and PART of it is a reason to look at f. A component is small below SMALL of
+# its largest value. If its sign may change, its errors count LOOSE times less, because they are
+# large where it passes 0: with 1 in place of 2.5, 58 of 256 orbits of Van der Pol's equation
+# (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
+MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
+SOME, OF_IMPLICIT = 1.6e-3, 0.125  # see `some_of`
+DEEP = 5e-4  # or 100 rtol: part of a component that keeps its sign
 UNDERFLOW = 2.0**-990
 
 
@@ -51,53 +54,74 @@ def many_of(rtol):
     return MANY * rtol ** (-1 / 3)
 
 
-def loose_of(rtol):
-    """Return by how much less errors of components count that may pass through 0."""
-    return max(LOOSE * rtol**0.25, LEAST)
-
-
 def some_of(rtol, keeps):
-    """Return the least error of a step, beside a component, that counts.
+    """Return the least error of an explicit step, beside a component, that counts.
 
-    `keeps` is 1 if the component keeps its sign.
+    It is rtol at 1e-6 and 100 rtol at 1e-9 if the component keeps its sign (`keeps` is 1), and more
+    for others, which pass through 0. For implicit steps, which watch closely, it is OF_IMPLICIT of
+    this.
     """
-    return rtol * max(SOME * many_of(rtol) ** 2 * (1.0 if keeps else loose_of(rtol)), 1.0)
+    return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
 
 
-def _is_large(x, new, error, inverse, rtol, some, lost):
-    size = larger(abs(x), abs(new))
-    return (abs(error) > some * size) & (rtol * size * inverse < SMALL) & (lost < 1.0)
+def _loses(x, new, error, some, lost):
+    return (abs(error) > some * (abs(x) + abs(new))) & (lost < 1.0)
 
 
-@scalar_kernel
-def LOSES(x, new, error, inverse, rtol, some, lost, loses):
-    """Return `loses` = 1 if the `error` of a step is large beside a component, else `loses`."""
-    return {"loses": _is_large(x, new, error, inverse, rtol, some, lost).select(1.0, loses)}
+def _rate(new, f_new, signed):
+    """Return by how much |new| would grow in a step of the length `signed`."""
+    return (new < 0.0).select(-f_new, f_new) * signed
 
 
-@scalar_kernel
-def LOST(x, new, f_new, signed, error, inverse, rtol, some, loose, acts, keeps, lost, watches):
-    """Return `lost`, at most 1, after a step from x to `new`, and `watches`, the largest."""
-    size = larger(abs(x), abs(new))
-    part = 1.0 / (keeps > 0.0).select(abs(new), loose * size)  # a division takes long
-    rate = (new < 0.0).select(-f_new, f_new) * signed
-    growth = larger(keeps * (rate * part), 0.0) * (1.0 / MOST)
-    fifth = growth * growth * (growth * growth) * growth
-    own = smaller(larger(lost, 0.0) + abs(error) * part + fifth * fifth, 1.0)
-    counts = (acts > 0.0) | (size < UNDERFLOW)
-    counts = counts & _is_large(x, new, error, inverse, rtol, some, lost)
-    lost = counts.select(own, lost)
-    return {"lost": lost, "watches": larger(lost, watches)}
+def _begins_to_grow(x, new, f_new, signed, lost):
+    return (lost > 0.0) & ((abs(new) >= abs(x)) | (_rate(new, f_new, signed) > 0.0))
 
 
 @scalar_kernel
-def RISES(x, new, f_new, signed, inverse, rtol, many, lost, rises):
-    """Return `rises` = 1 if a component may be near an alarm: it has lost digits and grows."""
-    size, rate = abs(new) * inverse, (new < 0.0).select(-f_new, f_new) * signed
-    is_fast = (size < 1.0) & (rate > LONG * abs(new))
-    is_near = is_fast | (lost * size > PART * PART * many) | ((size > 1.0) & (lost > DEEP))
-    own = is_near & (lost > PART * many * rtol) & (abs(new) >= abs(x))
-    return {"rises": own.select(1.0, rises)}
+def ALERTS(x, new, error, some, lost, alerts):
+    """Return `alerts` = 1 if a component may lose digits in an explicit step, else `alerts`."""
+    return {"alerts": _loses(x, new, error, some, lost).select(1.0, alerts)}
+
+
+@scalar_kernel
+def ALERTS_IMPLICIT(x, new, f_new, signed, error, some, lost, alerts):
+    """Return `alerts` = 1 if a component may lose digits, or is about to grow without them.
+
+    The next step may be too long for its growth.
+    """
+    own = _begins_to_grow(x, new, f_new, signed, lost)
+    own = own | _loses(x, new, error, OF_IMPLICIT * some, lost)
+    return {"alerts": own.select(1.0, alerts)}
+
+
+@scalar_kernel
+def CONCERNS(x, new, error, some, lost):
+    """Return whether a component has lost digits, or may lose some in this step."""
+    return {"concerns": (lost > 0.0) | _loses(x, new, error, some, lost)}
+
+
+@scalar_kernel
+def LOST(
+    x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, implicit,
+    lost, watches, near,
+):  # fmt: skip
+    """Return `watches`, the largest `lost`; `near`, 1 if there may be an alarm; and `lost`.
+
+    An error above DEEP or 100 rtol counts as 1 if the component keeps its sign (`keeps` is 1).
+    """
+    both, size = abs(x) + abs(new), abs(new) * inverse
+    is_small = both * inverse * rtol < SMALL
+    own = larger(lost, 0.0) + abs(error) / (keeps > 0.0).select(abs(new), LOOSE * both)
+    own = (own > (keeps > 0.0).select(larger(DEEP, 100.0 * rtol), 1.0)).select(1.0, own)
+    counts = is_small & ((acts > 0.0) | (abs(new) < UNDERFLOW))
+    lost = (counts & _loses(x, new, error, some, lost)).select(own, lost)
+    is_many = lost * size > PART * many
+    lost = ((lost > 0.0) & ~(is_small | is_many)).select(0.0, lost)
+    is_fast = (size < 1.0) & (_rate(new, f_new, signed) > LONG * abs(new))
+    grows = is_fast | is_many | ((size > 1.0) & (lost > DEEP))
+    grows = grows & (abs(new) >= abs(x)) & (lost > PART * many * rtol)
+    is_near = grows | ((implicit > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
+    return {"watches": larger(lost, watches), "near": is_near.select(1.0, near), "lost": lost}
 
 
 @scalar_kernel
@@ -161,27 +185,51 @@ def RAISED(before, new, some, lost):
     return {"lost": (lost > 0.0).select((now > some).select(now, 0.0), lost)}
 
 
-def watch(code, loses):
-    """Update `lost` and `watches` after a step; `loses` is 1 where a component loses digits."""
-    text, line, work, D = code.text, code.line, code.work, code.f.of.D
-    accepted = (work.accepted[0] > 0.0) & (line.watches[0] < inf)
-    loses = accepted & (loses > 0.0)
-    with text.when(loses.any(), likely=False):
-        found = Carried(watches=line.watches[0])
-        for i in text.each(D, found):
-            own = code.apply(LOST, i, **vars(found))
-            line.lost.choose(loses, i, own.pop("lost"))
-            found.update(own)
-        line.watches.choose(loses, 0, found.watches)
-    is_implicit = code.integrator.is_implicit  # if not, `RISES` is 0 below this
-    least = 0.0 if is_implicit else PART * code.number("many") * code.number("rtol")
-    looks = accepted & (line.watches[0] > least)
-    with text.when(looks.any(), likely=False):
-        if not is_implicit:
-            found = code.reduce(RISES, rises=0.0, count=D)
-            looks = looks & (found.rises > 0.0)
+def add_watch(text, integrator, name, for_each):
+    """Add the function void small(arguments) to `text`, which updates `lost` and finds alarms.
+
+    It does so in lanes where the row `alerts` is 1. `name` begins all names; `for_each`: each lane
+    has a table.
+    """
+    with text.function(f"{name}_small", ("arguments",)):
+        code = StepCode(text, integrator, name, for_each)
+        line, looks, found = code.line, code.work.alerts[0] > 0.0, Carried(watches=0.0, near=0.0)
+        for i in text.each(code.f.of.D, found):
+            some = code.component("some", i)
+            if integrator.is_implicit:
+                some = OF_IMPLICIT * some
+            inputs = {"some": some, "implicit": float(integrator.is_implicit)}
+
+            def update(i=i, inputs=inputs):
+                own = code.apply(LOST, i, **inputs, **vars(found))
+                line.lost.choose(looks, i, own.pop("lost"))
+                return list(own.values())
+
+            concerns = code.apply(CONCERNS, i, **inputs)["concerns"]
+            values = text.otherwise(~concerns.any(), [found.watches, found.near], update)
+            found.watches, found.near = values
+        line.watches.choose(looks, 0, found.watches)
+        looks = looks & (found.near > 0.0)
         with text.when(looks.any(), likely=False):
             _look(code, looks)
+
+
+def watch(code, alerts, on_trial):
+    """Watch components after a step, in lanes where `alerts` is 1.
+
+    Explicit steps watch components without digits in every second step, and at the end. Errors that
+    a second trial allows (`on_trial` is 1) are rounding of the component.
+    """
+    line, work = code.line, code.work
+    alerts = (alerts > 0.0) & (on_trial <= 0.0)
+    if not code.integrator.is_implicit:
+        half = line.steps[0] * 0.5
+        is_due = half.floor().equals(half) | (line.state[0] >= float(LaneState.DONE))
+        alerts = alerts | ((line.watches[0] > 0.0) & is_due)
+    alerts = alerts & (work.accepted[0] > 0.0) & (line.watches[0] < inf)
+    with code.text.when(alerts.any(), likely=False):
+        work.alerts[0] = alerts.select(1.0, 0.0)
+        code.text.invoke(f"{code.name}_small", code.arguments)
 
 
 def _look(code, looks):

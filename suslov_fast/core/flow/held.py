@@ -203,7 +203,8 @@ def _set_again(system, tries, memory, x, relative):
     """Set numbers for a motion that is computed again; components with -1 are `relative`."""
     plan, constants, D = system.plan, system.constants, system.plan[PLAN.D]
     numbers = memory[plan[PLAN.numbers] :]
-    for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many, NUMBER.loose):
+    of_rtol = NUMBER.rtol, NUMBER.floor, NUMBER.floor_implicit, NUMBER.part
+    for k in (*of_rtol, NUMBER.limit, NUMBER.many):
         numbers[k] = constants[plan[PLAN.numbers_again] + k]
     if tries >= _ALL:
         numbers[NUMBER.acts] = 0.0

@@ -128,6 +128,7 @@ def rows_of_work(integrator):
         signed=1,  # the same with the sign of time
         aside=1,  # 1 where it is a step aside
         accepted=1,  # 1 where the step is taken, else 0
+        alerts=1,  # 1 where `growing_components` has to look at the step
         served=1,  # 1 where a step aside has reached its time, else 0
         t=1,  # time before the step
         at_surface=1,  # 1 where the step ends on a surface, or just before it, else 0

@@ -64,7 +64,7 @@ def take_step(code):
     _choose_integrator(code, errors)
     if integrator.watched:
         event_location.cut(code, before, errors["total"])
-    growing_components.watch(code, errors["loses"])
+    growing_components.watch(code, errors["alerts"], errors["on_trial"])
     dense_output.save_states(code)
     if integrator.kinks:
         branch_choice.choose(code)

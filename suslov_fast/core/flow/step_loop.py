@@ -9,6 +9,7 @@ from .codegen import StepCode
 from .dense_output import add_between
 from .event_actions import add_actions
 from .gragg import ExplicitColumns
+from .growing_components import add_watch
 from .lanes import pause_if_spent, take_next
 from .linearly_implicit import ImplicitColumns
 from .step import take_step
@@ -29,6 +30,7 @@ def text_of_integrator(integrator, name, W, for_each):
     explicit = StormerColumns if integrator.sets else ExplicitColumns
     columns = ImplicitColumns if integrator.is_implicit else explicit
     columns(text, integrator, name, for_each).add()
+    add_watch(text, integrator, name, for_each)
     if integrator.f.branches:
         add_branches(text, integrator, name, for_each)
     if integrator.events:

@@ -5,7 +5,8 @@ A step has the estimated error e_i in component i. It is accepted if
 ratio = max_i e_i / allowed_i <= 1,
 
 if f has a value at the next state, and if no component changes a sign that the motion keeps. By
-default the allowed error is rtol max(s_i, 2**-60 max_j s_j), where s_i is the largest |x_i| so far:
+default the allowed error is max(rtol |x_next,i|, floor s_i, rtol 2**-60 max_j s_j), where s_i is
+the largest |x_i| so far, and `floor` is rtol or less (`floors_of`). The last term is there because
 a component that is reached through m others begins as t**m, and no step has relative digits of it
 for m > 10. For columns of derivatives the factor is 2**-20. Clocks, which have constant rates, have
 no error. They count in max_j s_j with their change in the step, because time may be large when all
@@ -13,10 +14,12 @@ other components are small. With `atol` the allowed error is atol_i + rtol max(|
 or the rounding of the weighted sum of columns, if that is more.
 """
 
+from math import sqrt
+
 from ..expressions.values import larger
 from ..llvm.text import Carried
 from .codegen import larger_of, weighted
-from .growing_components import LOSES
+from .growing_components import ALERTS, ALERTS_IMPLICIT
 from .scalar_kernels import TINY, scalar_kernel
 
 # OF_CLOCK: a drive that begins at rest is noise at first, differences of numbers near 1.
@@ -28,6 +31,16 @@ CAUTION = 4.0  # see `stormer`: factor of its estimate of the error
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
 
+def floors_of(rtol):
+    """Return `floor` of explicit and of implicit steps, relative to the largest value so far.
+
+    With larger ones relaxation oscillations jump at a wrong time: a component decides about it that
+    is 1e-2 to 1e-4 of its largest value. Measured on 1,558 problems: 15 of 779 are wrong at 1e-4
+    with `floor` = 1e-5, and 7 with 1e-6.
+    """
+    return min(rtol, 1e-6), min(rtol, 1e-4 * sqrt(rtol))
+
+
 @scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
     """Update `moved`, the most a clock (`counts` 0) changes, and `top`, max of |x_i|, `moved`."""
@@ -37,9 +50,9 @@ def LARGEST(x, new, largest, counts, top, moved):
 
 
 @scalar_kernel
-def ALLOWED(new, largest, least, moved, extra, rtol):
-    """Return 1 / allowed error: max(extra + max(rtol |new|, rtol largest, least), 2**-50 moved)."""
-    allowed = extra + larger(rtol * larger(abs(new), largest), least)
+def ALLOWED(new, largest, least, moved, extra, rtol, floor):
+    """Return 1 / allowed error: extra + max(rtol |new|, floor largest, least), or 2**-50 moved."""
+    allowed = extra + larger(larger(rtol * abs(new), floor * largest), least)
     return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
 
 
@@ -81,33 +94,38 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 
 
 def find_errors(code, sizes):
-    """Return `ratio`, `total`, `apart`, `loses` and other sums over all components, by name.
+    """Return `ratio`, `total`, `apart`, `alerts` and other sums over all components, by name.
 
-    They are results of `RATIO`, `LOSES`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
+    They are results of `RATIO`, `ALERTS`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
     sum d that shows false steps. The row `error` has errors, and `inverse` gets 1 / allowed errors.
     `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
-    names = ["ratio", "total", "apart", "loses"] + (
+    names = ["ratio", "total", "apart", "alerts"] + (
         [] if integrator.is_implicit else ["rates", "states"]
     )
     names += [] if integrator.has_atol else ["large"]
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     allowed = ALLOWED_WITH_ATOL if integrator.has_atol else ALLOWED
+    alerts, floor = ALERTS, "floor"
+    if integrator.is_implicit:
+        alerts, floor = ALERTS_IMPLICIT, "floor_implicit"
     for (first, count), of_part in zip(integrator.parts, sizes, strict=True):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
+            inputs["floor"] = code.number(floor if first == 0 else "rtol")
             if integrator.has_atol:
                 inputs |= {"noise": _noise(code, i), "extra": code.component("extra", i)}
             if integrator.is_relative:
                 is_own = code.line.lost[i] < 0.0
                 for name in inputs.keys() & _OF_OTHERS:
                     inputs[name] = is_own.select(TINY, inputs[name])
+                inputs["floor"] = is_own.select(code.number("rtol"), inputs["floor"])
             inverse = code.apply(allowed, i, **inputs)["inverse"]
             aside = work.aside[0] if integrator.is_implicit else 0.0
             found = code.apply(RATIO, i, inverse=inverse, aside=aside, **vars(sums))
             if first == 0:
-                found |= code.apply(LOSES, i, inverse=inverse, loses=sums.loses)
+                found |= code.apply(alerts, i, alerts=sums.alerts)
             if not integrator.has_atol:
                 own_sums = {"inverse": inverse, "large": sums.large, "noisy": inputs["noisy"]}
                 found |= code.apply(LARGE, i, **own_sums)

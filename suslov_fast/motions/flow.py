@@ -89,7 +89,8 @@ def flow(
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. In each step the estimated error of a component
         stays below `rtol` times its size. The size is the largest absolute value that it has had on
-        the trajectory, and at least 2**-60 times the largest size of all components. If a component
+        the trajectory, and at least 2**-60 times the largest size of all components. If `rtol` is
+        above 1e-6 (1e-8 in implicit steps), small components have smaller errors. If a component
         becomes so small that it loses its digits, and then grows again by itself, the trajectory is
         computed again with a relative tolerance for this component.
     atol : float or array_like(float, shape=(D,)), optional

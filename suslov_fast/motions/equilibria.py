@@ -244,7 +244,11 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     tell(failed, "have no result: f has no value there, or a nearer start is needed")
     tell(is_family, "lead to a family of equilibria, of which a near one is returned")
     tell(is_degenerate & ~is_family, "lead to a multiple root, as at a fold, with 7 digits")
-    _warn_of_clocks(field)
+    clocks = {clock for _, f, _ in field._listed_right_hand_sides for clock in f.clocks}
+    if clocks:
+        name = field._labels[min(clocks)]
+        how = f"which has a constant rate: {name} was held at its start"
+        warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
     kind = np.select([is_degenerate, is_found], ["neutral", kind], "")
     return Equilibria(x, values, status, attracts & (status == Status.OK), kind)
 
@@ -262,15 +266,6 @@ def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], An
         one_way = np.char.add(one_way, np.where(turns, " focus", " node"))
     others = np.where(turns & is_planar, "centre", "neutral")
     return np.select([grows & falls, grows | attracts], ["saddle", one_way], others), attracts
-
-
-def _warn_of_clocks(field: Any) -> None:
-    """Warn if the equations depend on a variable with a constant rate."""
-    clocks = {clock for _, f, _ in field._listed_right_hand_sides for clock in f.clocks}
-    if clocks:
-        name = field._labels[min(clocks)]
-        how = f"which has a constant rate: {name} was held at its start"
-        warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
 
 
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:

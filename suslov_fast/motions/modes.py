@@ -140,10 +140,10 @@ class Sliding:
             last = hits[rank == most - 1]
             stops = records.trajectory[last]
             part.ends.t[stops], part.ends.status[stops] = records.time[last], Status.STOPPED
-            later = times[:, np.newaxis] > abs(records.time[last])
-            for a in (part.states, part.derivatives)[: 1 if part.derivatives is None else 2]:
-                is_later = later.reshape(*later.shape, *(1,) * (a.ndim - 2))
-                a[:, stops] = np.where(is_later, np.nan, a[:, stops])
+            n, later = np.nonzero(times[:, np.newaxis] > abs(records.time[last]))
+            part.states[n, stops[later]] = np.nan
+            if part.derivatives is not None:
+                part.derivatives[n, stops[later]] = np.nan
             bound = np.full(len(part.ends.t), len(records.time))
             bound[stops] = last
             records = records.selected(np.arange(len(records.time)) <= bound[records.trajectory])

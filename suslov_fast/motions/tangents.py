@@ -86,19 +86,15 @@ def exponents_of(
     transient *= _LESS if actions else 1.0
     total, before, goes_on = transient + time, 0.0, True
     for where, f, table in groups:
-        x, count = starts[where], len(starts[where])
-        own = event_times if event_times is None or where is ALL else event_times.of(where)
-        run = _Run(f, table, x, moving, request._replace(event_times=own))
-        share = count / max(len(starts), 1) / total
+        x = starts[where]
+        times = event_times if event_times is None or where is ALL else event_times.of(where)
+        run = _Run(f, table, x, moving, request._replace(event_times=times))
+        share = len(x) / max(len(starts), 1) / total
 
         def told(done: float, share: float = share, before: float = before) -> bool:
             return report is None or report(int(_OF_PROGRESS * (before + share * done)))
 
-        goes_on = transient == 0.0 or run.over(transient, told)
-        run.begin()
-        goes_on = goes_on and run.over(time, lambda done: told(transient + done))
-        if goes_on and run.again.any():
-            goes_on = run.repeat(x, transient, time, lambda done: told(total))
+        goes_on = run.through(transient, time, told)
         exponents[where] = run.exponents()
         result.all_ends.t[where], result.all_ends.status[where] = run.t, run.status
         before += share * total
@@ -161,7 +157,7 @@ class _Run:
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
-        self.is_first = self.acts = True  # see `repeat`
+        self.is_first = self.acts = True  # see `_repeat`
         self.begin()
 
     def begin(self) -> None:
@@ -170,7 +166,17 @@ class _Run:
         self.logs, self.duration = np.zeros((B, self.n)), np.zeros(B)
         self.dead = np.zeros((B, self.n), bool)
 
-    def repeat(
+    def through(self, transient: float, time: float, report: Callable[[float], bool]) -> bool:
+        """Advance by the transient and by `time`, and again after alarms; return as `over` does."""
+        x = self.x.copy()
+        goes_on = transient == 0.0 or self.over(transient, report)
+        self.begin()
+        goes_on = goes_on and self.over(time, lambda done: report(transient + done))
+        if not (goes_on and self.again.any()):
+            return goes_on
+        return self._repeat(x, transient, time, lambda done: report(transient + time))
+
+    def _repeat(
         self, x: FloatArray, transient: float, time: float, report: Callable[[float], bool]
     ) -> bool:
         """Compute trajectories with an alarm again, from their starts in x.
@@ -185,11 +191,7 @@ class _Run:
         run = _Run(self.f, self._table(which), x[which], self.moving, request)
         run.is_first, run.acts = False, self.is_first
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
-        goes_on = transient == 0.0 or run.over(transient, report)
-        run.begin()
-        goes_on = goes_on and run.over(time, report)
-        if goes_on and run.again.any():
-            goes_on = run.repeat(x[which], transient, time, report)
+        goes_on = run.through(transient, time, report)
         for name in ("logs", "duration", "dead", "t", "status"):
             getattr(self, name)[which] = getattr(run, name)
         return goes_on
@@ -210,9 +212,10 @@ class _Run:
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
             is_slow = (self.count >= _FEW) & (at < _PART * _UNITS)
             by_frame = self.has_frames & (by_frame | is_slow)
-            for take, own in ((self._segment, ~by_frame), (self._segment_of_frame, by_frame)):
-                for m in np.unique(level[active & own]):
-                    which = np.flatnonzero(active & own & (level == m) & (self.status == Status.OK))
+            for take, chosen in ((self._segment, ~by_frame), (self._segment_of_frame, by_frame)):
+                for m in np.unique(level[active & chosen]):
+                    is_next = active & chosen & (level == m) & (self.status == Status.OK)
+                    which = np.flatnonzero(is_next)
                     is_good, is_easy = take(which, time * 2.0**-m, m == _MOST)
                     at[which[is_good]] += _UNITS >> m
                     level[which[~is_good]] += 1

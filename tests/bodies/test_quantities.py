@@ -247,6 +247,14 @@ def test_reaction_in_n_dimensions(rng, m, eps):
         assert (computed == -computed.T).all()
 
 
+def discrete_reaction(parameters, eps, omega, k):
+    """Return the reaction along a step, and the next state."""
+    state = naive.exactly(*omega)
+    following = naive.step(*parameters, eps, state, k)
+    slope = naive.quotient(eps, state, following)
+    return float(naive.reaction(*parameters, state, following, slope)), following
+
+
 @pytest.mark.parametrize("k", [0.0, 0.9])
 def test_reaction(rng, k):
     for _ in range(30):
@@ -257,9 +265,7 @@ def test_reaction(rng, k):
         size = max(parameters[:2]) * np.hypot(*omega) ** 2 + k * np.hypot(*omega)
         assert abs(body.reaction(omega) - exact) < 2e-15 * size
         assert body.reaction(omega, 1e-12) == pytest.approx(exact, abs=1e-10)
-        following = naive.step(*parameters, eps, state, k)
-        slope = naive.quotient(eps, state, following)
-        exact = float(naive.reaction(*parameters, state, following, slope))
+        exact, following = discrete_reaction(parameters, eps, omega, k)
         size = max(size, max(parameters[:2]) * float(naive.mpmath.norm(following)) ** 2)
         assert abs(body.reaction(omega, eps) - exact) < 1e-14 * size
 
@@ -272,10 +278,7 @@ def test_reaction_of_large_states(rng):
     for _ in range(40):
         parameters, *_ = random_problem(rng)
         eps, omega = 10 ** rng.uniform(-3, 0.5), rng.normal(size=2) * 10 ** rng.uniform(-3, 8, 2)
-        state = naive.exactly(*omega)
-        following = naive.step(*parameters, eps, state, 0.9)
-        slope = naive.quotient(eps, state, following)
-        exact = float(naive.reaction(*parameters, state, following, slope))
+        exact, _ = discrete_reaction(parameters, eps, omega, 0.9)
         value = sf.Suslov3D(*parameters, 0.9).reaction(omega, eps)
         assert value == pytest.approx(exact, rel=1e-12)
 

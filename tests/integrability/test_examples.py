@@ -92,11 +92,10 @@ def test_the_symmetric_qrt_map_of_twelve_letters():
     def backward(x, a):
         return other_root(x[1], x[0], symmetric(*a[:6]), symmetric(*a[6:])), x[0]
 
-    def with_names(f):
-        names = ", ".join(numbers)
-        return Map(eval(f"lambda x, {names}: f(x, [{names}])", {"f": f}), "x y", **numbers)
-
-    maps = with_names(forward), with_names(backward)
+    maps = [
+        Map(lambda x, of=f, **a: of(x, [*a.values()]), "x y", **numbers)
+        for f in (forward, backward)
+    ]
     found = report(rational_map(*maps, letters=" ".join(numbers)), degree=4)
     (integral,) = found.integrals
     growth = found.growth.kind

@@ -137,7 +137,8 @@ def growth_of(found):
 
 
 def test_lemma_1_as_the_paper_prints_it():
-    found, (F,) = lemma_1(), lemma_1().integrals
+    found = with_letters("Lemma 1")
+    (F,) = found.integrals
     x, y, eps, I1, I2, I13, I23 = sympy.symbols("Omega1 Omega2 eps I1 I2 I13 I23")
     paper = (I1 * x**2 + I2 * y**2) / (4 * I1 * I2 + eps**2 * (I13 * x + I23 * y) ** 2)
     assert sympy.simplify(sympy.sympify(F) - paper) == 0
@@ -147,10 +148,6 @@ def test_lemma_1_as_the_paper_prints_it():
     assert "I_{13}" in sympy.latex(F)
     assert sympy.simplify(sympy.sympify(F.subs(eps=0, I2=3)) - paper.subs({eps: 0, I2: 3})) == 0
     assert "letters eps, I1" in str(found)
-
-
-def lemma_1():
-    return with_letters("Lemma 1")
 
 
 @functools.cache

@@ -238,13 +238,16 @@ def test_a_pivot_of_parameters_alone_may_be_0():
     assert system(field, 2.0).dimension == 2
 
 
+def neighbours(n):
+    """Return the numbers of the four neighbours of the cells of a periodic lattice n x n."""
+    cells = np.arange(n * n).reshape(n, n)
+    return [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
+
+
 def test_steps_of_a_lattice(rng):
     """Of 20 x 20, beside SciPy's sparse solver: reaction, diffusion, advection, a source."""
     n = 20
-    cells = np.arange(n * n).reshape(n, n)
-    east, west, north, south = (
-        np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)
-    )
+    east, west, north, south = neighbours(n)
 
     def lattice(u, k):
         flow = u[west] * (u[east] - u[north])
@@ -303,8 +306,7 @@ def test_members_of_a_family(rng, D):
 
 def populations(rng, n=20):
     """Return a family of 2 lattices n x n of populations, which keep their signs."""
-    cells = np.arange(n * n).reshape(n, n)
-    near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
+    near = neighbours(n)
     weights = rng.uniform(0.1, 0.3, size=(4, n * n))
 
     def rates(u, r):
@@ -346,8 +348,7 @@ def test_poles_and_signs_in_large_lattices(rng):
 def test_large_lattices_on_poles_and_out_of_range(rng):
     """Without a next state a trajectory ends, and the others go on."""
     n = 20
-    cells = np.arange(n * n).reshape(n, n)
-    near = [np.roll(cells, shift, axis).ravel() for axis in (0, 1) for shift in (-1, 1)]
+    near = neighbours(n)
     field = sf.Field(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)
     assert not kernel.scheme_of(field.terms[0], n * n).step.usual
     x = np.zeros((3, n * n))

@@ -126,28 +126,6 @@ def counted(family, x0, surface, time):
         yield motion.events.count[..., 0]
 
 
-def passages(kind, width, rng, N):
-    """Upward crossings of humps that oscillators x = cos(t + p) pass, and the right ones.
-
-    A hump has the value 0 where x is a width away from its top.
-    """
-    c, p, w = rng.uniform(-0.9, 0.9, N), rng.uniform(0, 2 * np.pi, N), np.full(N, width)
-    surfaces = {
-        "kink": lambda s, c, w: w - abs(s[0] - c),
-        "parabola": lambda s, c, w: w * w - (s[0] - c) ** 2,
-        "bell": lambda s, c, w: np.exp(-((s[0] - c) ** 2) / (2 * w * w)) - np.exp(-0.5),
-        "distance": lambda s, c, w: 2 * w - np.hypot(s[0] - c, w * np.sqrt(3.0)),
-        "root": lambda s, c, w: 1 / (w * w + (s[0] - c) ** 2) - 1 / (2 * w * w),
-    }
-    family = field(lambda s, c, w: (s[1], -s[0]), "x v", c=c, w=w)
-    x0 = np.stack([np.cos(p), -np.sin(p)], 1)
-    turns = 2 * np.pi * np.arange(-1, 5)[:, np.newaxis]
-    with np.errstate(invalid="ignore"):  # a level beyond 1 is not reached
-        times = np.stack([np.arccos(c + w) + turns - p, turns - np.arccos(c - w) - p])
-    right = ((times > 0) & (times < 20)).sum(axis=(0, 1))
-    return counted(family, x0, surfaces[kind], 20.0), right
-
-
 SURVEYS = [(100, 3), pytest.param(2000, 8, marks=pytest.mark.slow)]
 HUMPS = [("kink", 1e-6), ("parabola", 3e-4), ("bell", 4e-3), ("distance", 1e-4), ("root", 1e-4)]
 
@@ -155,9 +133,23 @@ HUMPS = [("kink", 1e-6), ("parabola", 3e-4), ("bell", 4e-3), ("distance", 1e-4),
 @pytest.mark.parametrize(("N", "widths"), SURVEYS)
 @pytest.mark.parametrize(("kind", "least"), HUMPS)
 def test_humps_that_oscillators_pass(kind, least, N, widths, rng):
-    for width in np.geomspace(0.1, least, widths):
-        counts, right = passages(kind, width, rng, N)
-        for found in counts:
+    """Oscillators x = cos(t + p) pass humps with the value 0 where x is w away from the top c."""
+    surface = {
+        "kink": lambda s, c, w: w - abs(s[0] - c),
+        "parabola": lambda s, c, w: w * w - (s[0] - c) ** 2,
+        "bell": lambda s, c, w: np.exp(-((s[0] - c) ** 2) / (2 * w * w)) - np.exp(-0.5),
+        "distance": lambda s, c, w: 2 * w - np.hypot(s[0] - c, w * np.sqrt(3.0)),
+        "root": lambda s, c, w: 1 / (w * w + (s[0] - c) ** 2) - 1 / (2 * w * w),
+    }[kind]
+    for w in np.geomspace(0.1, least, widths):
+        c, p = rng.uniform(-0.9, 0.9, N), rng.uniform(0, 2 * np.pi, N)
+        family = field(lambda s, c, w: (s[1], -s[0]), "x v", c=c, w=w)
+        x0 = np.stack([np.cos(p), -np.sin(p)], 1)
+        turns = 2 * np.pi * np.arange(-1, 5)[:, np.newaxis]
+        with np.errstate(invalid="ignore"):  # a level beyond 1 is not reached
+            times = np.stack([np.arccos(c + w) + turns - p, turns - np.arccos(c - w) - p])
+        right = ((times > 0) & (times < 20)).sum(axis=(0, 1))
+        for found in counted(family, x0, surface, 20.0):
             np.testing.assert_array_equal(found, right)
 
 
@@ -185,30 +177,23 @@ def upward(start, end):
     return np.floor(end / (2 * np.pi)) - np.floor(start / (2 * np.pi))
 
 
-def strobes(kind, rng, N):
-    """Upward crossings of waves, and the right ones: up to some 250 periods in the time."""
-    w, p = 10 ** rng.uniform(-1, 1.5, N), rng.uniform(0, 6, N)
-    b, v = rng.uniform(0, 1, N), 10 ** rng.uniform(-1, 1.5, N)
-    if kind == "angles":
-        angles = field(lambda s: (s[1], 0 * s[1]), "angle I")
-        counts = counted(angles, np.stack([p, w], 1), lambda s: np.sin(s[0]), 50.0)
-        return counts, upward(p, w * 50.0 + p)
-    surfaces = {
-        "clocks": lambda s, w, p: np.sin(w * s[0] + p),
-        # Phases that grow, faster and slower.
-        "phases": lambda s, w, p, b, v: np.sin(w * s[0] + p + b * np.sin(v * s[0])),
-    }
-    b = b * w / v * (kind == "phases")
-    clocks = field(lambda s, w, p, b, v: (1.0,), "t", w=w, p=p, b=b, v=v)
-    counts = counted(clocks, [0.0], surfaces[kind], 50.0)
-    return counts, upward(p, w * 50.0 + p + b * np.sin(v * 50.0))
-
-
 @pytest.mark.parametrize(("N", "_"), SURVEYS)
 @pytest.mark.parametrize("kind", ["clocks", "angles", "phases"])
 def test_waves_as_surfaces(kind, N, _, rng):
-    counts, right = strobes(kind, rng, N)
-    for found in counts:
+    """Some 250 periods in the time."""
+    w, p = 10 ** rng.uniform(-1, 1.5, N), rng.uniform(0, 6, N)
+    b, v = rng.uniform(0, 1, N), 10 ** rng.uniform(-1, 1.5, N)
+    b = b * w / v * (kind == "phases")  # phases that grow, faster and slower
+    if kind == "angles":
+        angles = field(lambda s: (s[1], 0 * s[1]), "angle I")
+        given = angles, np.stack([p, w], 1), lambda s: np.sin(s[0])
+    else:
+        clocks = field(lambda s, **_: (1.0,), "t", w=w, p=p, b=b, v=v)
+        given = clocks, [0.0], lambda s, w, p, b, v: np.sin(w * s[0] + p + b * np.sin(v * s[0]))
+        if kind == "clocks":
+            given = clocks, [0.0], lambda s, w, p: np.sin(w * s[0] + p)
+    right = upward(p, w * 50.0 + p + b * np.sin(v * 50.0))
+    for found in counted(*given, 50.0):
         np.testing.assert_array_equal(found, right)
 
 

@@ -23,16 +23,11 @@ class Family:
             for name, pair in ranges.items()
         }
         self.starts = np.stack([rng.uniform(low, high, COUNT) for low, high in starts], axis=1)
-        known = {"f": f, "s": surfaces, "np": np}
-        arguments = ", ".join(ranges)
-        given = ", ".join(f"{name}={name}" for name in ranges)
-        exec(  # a function with these names of arguments
-            f"def right(x, {arguments}):\n"
-            f"    p = dict({given})\n"
-            "    return f(x, [np.sign(a) for a in s(x, p)], p)",
-            known,
-        )
-        self.field = Field(known["right"], names, **self.parameters)
+
+        def right(x, **p):
+            return f(x, [np.sign(a) for a in surfaces(x, p)], p)
+
+        self.field = Field(right, names, **self.parameters)
 
     def numbers(self, k):
         return {name: float(values[k]) for name, values in self.parameters.items()}

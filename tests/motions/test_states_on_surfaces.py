@@ -1,5 +1,6 @@
 """Events that leave states on surfaces of other events, against loops with exact fractions."""
 
+import inspect
 from contextlib import nullcontext
 from fractions import Fraction
 
@@ -60,20 +61,15 @@ def compare(motion, loops, way=1):
 
 
 def field(sign=1.0):
-    return Field(lambda s, a, b, q, c, d: (sign * s[1] + 0 * a * b * q * c * d, 0.0), FREE,
-                 a=1.0, b=2.0, q=1.0, c=0.0, d=0.0)  # fmt: skip
+    return Field(lambda s, **_: (sign * s[1], 0.0), FREE, a=1.0, b=2.0, q=1.0, c=0.0, d=0.0)
 
 
 def crossing(name, direction, to=None):
     """Return the event at which x passes the parameter `name`."""
-    surface = {
-        "a": lambda s, a: s[0] - a, "b": lambda s, b: s[0] - b,
-        "c": lambda s, c: s[0] - c, "d": lambda s, d: s[0] - d,
-    }[name]  # fmt: skip
-    return Event(surface, direction=direction, to=to)
+    return Event(lambda s, **p: s[0] - p[name], direction=direction, to=to)
 
 
-# The actions in both guards of a family, for `flow` and for `exact`.
+# The actions in both guards of a family.
 ACTIONS = {
     "exactly": (lambda s, a, q: (a, q * s[1]), lambda s, b, q: (b, q * s[1])),
     "by the width": (lambda s, a, b, q: (s[0] - b + a, q * s[1]),
@@ -82,14 +78,14 @@ ACTIONS = {
     "walls": (lambda s, q: (s[0], -q * s[1]),) * 2,
     "refill": (None, lambda s, b: (b, s[1])),
 }  # fmt: skip
-EXACT = {
-    "exactly": lambda a, b, q: (lambda x, v: (a, q * v), lambda x, v: (b, q * v)),
-    "by the width": lambda a, b, q: (lambda x, v: (x - b + a, q * v),
-                                     lambda x, v: (x - a + b, q * v)),
-    "mirrors": lambda a, b, q: (lambda x, v: (a + b - x, q * v),) * 2,
-    "walls": lambda a, b, q: (lambda x, v: (x, -q * v),) * 2,
-    "refill": lambda a, b, q: (None, lambda x, v: (b, v)),
-}  # fmt: skip
+
+
+def in_fractions(action, values):
+    """Return an action as a function of x and v."""
+    if action is None:
+        return None
+    own = {name: values[name] for name in [*inspect.signature(action).parameters][1:]}
+    return lambda x, v: action((x, v), **own)
 
 
 def family(rng, name, n=N):
@@ -112,17 +108,17 @@ def family(rng, name, n=N):
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("name", ACTIONS)
 def test_events_that_leave_states_on_other_surfaces(rng, name, way):
-    at_b, at_a = ACTIONS[name]
     events = [
-        crossing("c", "both"), crossing("b", "up", at_b), crossing("d", "down"),
-        crossing("a", "down", at_a), crossing("c", "up"),
+        crossing("c", "both"), crossing("b", "up", ACTIONS[name][0]), crossing("d", "down"),
+        crossing("a", "down", ACTIONS[name][1]), crossing("c", "up"),
     ]  # fmt: skip
     parameters, x0 = family(rng, name)
     motion = flow(field(way).with_parameters(**parameters), x0, time=3.3 * way, events=events)
     loops = []
     for k, (x, v) in enumerate(x0):
-        a, b, q, c, d = (Fraction(own[k]) for own in parameters.values())
-        at_b, at_a = EXACT[name](a, b, q)
+        own = {name: Fraction(of[k]) for name, of in parameters.items()}
+        at_b, at_a = (in_fractions(action, own) for action in ACTIONS[name])
+        a, b, _, c, d = own.values()
         levels = (c, 0, None), (b, 1, at_b), (d, -1, None), (a, -1, at_a), (c, 1, None)
         loops.append(exact(x, v, 3.3, levels))
     compare(motion, loops, way)
@@ -221,7 +217,7 @@ def test_derivatives_through_guards(rng, name):
         own = {name: Fraction(of[k]) for name, of in parameters.items()}
         own |= {"x": Fraction(x0[k, 0]), "v": Fraction(x0[k, 1])}
         own |= {name: own[name] + by for name, by in changes.items()}
-        at_b, at_a = EXACT[name](own["a"], own["b"], own["q"])
+        at_b, at_a = (in_fractions(action, own) for action in ACTIONS[name])
         levels = (own["b"], 1, at_b), (own["a"], -1, at_a)
         return np.array(exact(own["x"], own["v"], 3.3, levels)[1])
 

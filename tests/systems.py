@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from suslov_fast import Event, Field, compiled
+from suslov_fast import Event, Field, compiled, iterate, kahan
 
 
 def lorenz(x, rho=28, sigma=10, beta=8 / 3):
@@ -131,6 +131,16 @@ FLOWS = {
     "Euler's top": (Field(euler, 3), (1.0, 0.5, -0.7), 4),
     "epidemic": (Field(epidemic, 3), (0.9, 0.1, 0.1), 8),
 }
+
+
+def exponents_by_qr(system, x, *eps, steps, **options):
+    """Return exponents per unit of time, or per step, by NumPy's QR of the derivative of each."""
+    Q, logs = np.eye(len(x)), []
+    for state in iterate(system, x, *eps, steps=steps - 1, **options).states:
+        slope = kahan.jacobian(system, state, *eps, **options) if eps else system.jacobian(state)
+        Q, R = np.linalg.qr(slope @ Q)
+        logs.append(np.log(abs(np.diag(R))))
+    return np.sort(np.mean(logs, axis=0))[::-1] / abs(*(eps or [1.0]))
 
 
 def compiled_step(system, x, *eps, **options):

@@ -9,10 +9,6 @@ from suslov_fast import Field
 from suslov_fast.integrability import report
 
 SHOWN = {
-    "quadratic": (
-        Field(lambda x: (x[0] * x[1] / 2 - x[1], 3 - x[0] ** 2), "u p2"),
-        [r"\dot{u} &= \frac{u \, p_{2}}{2} - p_{2}", r"\dot{p_{2}} &= 3 - u^{2}"],
-    ),
     "pendulum": (
         Field(lambda x, k: (x[1], -k * np.sin(x[0] / 2)), "phi v", k=2.0),
         [

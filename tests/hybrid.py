@@ -115,6 +115,10 @@ TO_BLOOD = {"to": lambda s, dose: (s[0] + dose, s[1])}
 SPEED = np.sqrt(1.51)  # of a fall with friction, which takes the time SLIPS
 SLIPS = (SPEED - 0.1) / 0.75
 OF_SPRING = on_a_spring(4.6)
+SLOWED = np.sqrt(4.0 - 2 * 300 * 0.002)  # the speed after a slab
+LEVELS = np.linspace(0.25, 9.75, 20)
+MIRROR = 3.2658904471899737
+MET = np.cumsum([MIRROR - 3.2651775356457717, 4 * MIRROR]) / 9.79767134156992
 OF_PRODUCT = np.add.outer(pi / 2 * np.arange(65), np.arcsin(np.sqrt(0.96)) / 2 * np.array([-1, 1]))
 SYSTEMS = {
     # ------------------------------------------------------------------------ records of surfaces
@@ -179,6 +183,17 @@ SYSTEMS = {
     "a line that stops": Hybrid(  # it stays where its change has put it
         lambda s: (s[1], 0 * s[1]), "x v", [0.0, 1.0], 20.0,
         [Event(lambda s: s[0] - 1, to=("x", 0))], [[1.0]], [1.0, 0.0], is_smooth=False,
+    ),
+    "a clock that is copied": Hybrid(
+        lambda s, b: (0.1 * s[0], 0.0, 1.0), "x last t", [1.0, -1.0, 10.0], 5.0,
+        [Event(times=[3.0], to=lambda s, b: (s[0], s[2] * b, s[2]))], [[3.0]],
+        [np.exp(0.5), 19.5, 15.0], {"b": 1.5},
+    ),
+    "a mirror that is met at once": Hybrid(  # with rounding errors of a step
+        lambda s: (s[1], 0.0), "x v", [-3.2651775356457717, -9.79767134156992], 2.0,
+        [Event(f"x - {MIRROR}", direction="up", to=("-x", "v/2")),
+         Event(f"x + {MIRROR}", direction="down", to=("-x", "v/2"))], [[], MET],
+        [MIRROR - 9.79767134156992 / 4 * (2 - MET[1]), -9.79767134156992 / 4], is_smooth=False,
     ),
     "a valve": Hybrid(
         lambda s: ((1 - s[1]) * (10 - s[0]), 0.0), "out sat", [0.0, 0.0], 10.0,
@@ -260,6 +275,35 @@ SYSTEMS = {
     "a table of the state": Hybrid(  # x' = 1, 3, 1/2 where x < 1, 1 <= x < 2, 2 <= x
         lambda s: (np.interp(s[0], [0, 1, 1, 2, 2, 9], [1, 1, 3, 3, 0.5, 0.5]),), "x", [0.0], 3.0,
         end=[2 + 5 / 6],
+    ),
+    "a thin slab": Hybrid(  # of which each side would be seen alone
+        lambda s: (s[1], np.where((s[0] > 1.0) & (s[0] < 1.002), -300.0, 0.0)), "x v", [0.0, 2.0],
+        20.0, end=[1.002 + SLOWED * (19.5 - 0.004 / (2 + SLOWED)), SLOWED],
+    ),
+    "stairs of the state": Hybrid(  # x' = 1 + the number of levels below x
+        lambda s: (1.0 + (s[0] > LEVELS).sum(),), "x", [0.0],
+        1.0 + (np.diff([0.0, *LEVELS]) / np.arange(1.0, 21.0)).sum(), end=[LEVELS[-1] + 21.0],
+    ),
+    "stairs that lead back": Hybrid(
+        lambda s: (1.0 - 2 * (s[0] > LEVELS).sum(),), "x", [0.0], 1.0, status=Status.SLIDING,
+        stop=0.25, is_smooth=False,
+    ),
+    "a table that leads back": Hybrid(
+        lambda s: (np.interp(s[0], [0, 0], [1, -1]),), "x", [-1.0], 3.0, status=Status.SLIDING,
+        stop=1.0, is_smooth=False,
+    ),
+    "a short slide": Hybrid(  # from 1 to 1.105, until z is 0.1
+        lambda s: (np.where(s[0] > 0, -1, 0.1 - s[1]), np.where(s[0] > 0, 0, 1)), "y z", [1.0, 0.0],
+        2.0, end=[-(0.895**2) / 2, 0.995], is_smooth=False,
+    ),
+    "a rest just at its edge": Hybrid(  # friction just holds the spring at x = mu
+        friction, "x v", [1.0, 0.0], 20.0, end=[0.2, 0.0], parameters={"mu": 0.2}, is_smooth=False,
+    ),
+    "tables at infinity": Hybrid(  # log(0) and 1/0; y' = 2 to 1/2, 1 to 1, at t = 3/4, then 1/2
+        lambda s: (np.interp(np.log(s[1]), [0.0, 1.0], [3.0, 5.0]),
+                   np.interp(1 / s[1], [1.0, 2.0], [1.0, 1.0], left=0.5, right=2.0)),
+        "x y", [0.0, 0.0], 1.0, end=[3.0 + 4.0 * (9 / 8 * log(9 / 8) - 1 / 8), 9 / 8],
+        is_smooth=False,
     ),
     "rounding and a bend": Hybrid(
         lambda s, k: (k * np.floor(s[1]) - abs(s[0] - k), 1.0 + 0.1 * s[0]), "x y", [0.0, 0.5], 4.0,

@@ -155,11 +155,3 @@ def test_a_new_state_without_a_value_is_no_pole():
     with pytest.warns(RuntimeWarning, match="event"):
         motion = flow(clock, [0.0], time=2.0, events=change)
     assert motion.end == 1.0
-
-
-@pytest.mark.parametrize("factor", [1.0, 1.5])
-def test_a_clock_is_copied_to_another_component(factor):
-    field = Field(lambda s: (0.1 * s[0], 0.0, 1.0), "x last t")
-    event = Event(times=[3.0], to=lambda s: (s[0], s[2] * factor, s[2]))
-    found = flow(field, [1.0, -1.0, 10.0], time=5.0, events=event).final
-    np.testing.assert_allclose(found, [np.exp(0.5), 13.0 * factor, 15.0], rtol=1e-9)

@@ -99,22 +99,6 @@ def test_times_on_a_kink_beyond_which_there_is_no_value(rate, integral, rng):
             assert motion.status == sf.Status.OK
 
 
-@pytest.mark.parametrize("times", [[2.0], [1.05, 1.1, 1.5, 2.0]])
-def test_a_short_time_of_sliding_is_not_stepped_over(times):
-    f = field(lambda s: (np.where(s[0] > 0, -1, 0.1 - s[1]), np.where(s[0] > 0, 0, 1)), "y z")
-    motion = sf.flow(f, [1.0, 0.0], time=times)  # it slides from 1 to 1.105, until z is 0.1
-    np.testing.assert_allclose(motion.final, [-(0.895**2) / 2, 0.995], rtol=1e-9)
-
-
-def test_choices_that_change_twice_within_what_would_be_a_step():
-    """A state passes through a thin slab, of which each side would be seen alone."""
-    f = field(lambda s: (s[1], np.where((s[0] > 1.0) & (s[0] < 1.002), -300.0, 0.0)), "x v")
-    motion = sf.flow(f, [0.0, 2.0], time=20.0)
-    v = np.sqrt(4.0 - 2 * 300 * 0.002)
-    inside = 2 * 0.002 / (2.0 + v)
-    np.testing.assert_allclose(motion.states[0], [1.002 + v * (19.5 - inside), v], rtol=1e-9)
-
-
 def test_thousands_of_jumps_between_two_times():
     """x'' = -sign(x), whose steps have no error and grow long: parabolas of 2 sqrt(2)."""
     time, half = 15_000.0, 2 * np.sqrt(2.0)
@@ -123,19 +107,6 @@ def test_thousands_of_jumps_between_two_times():
     exact = (-1) ** count * np.array([since * (half - since) / 2, half / 2 - since])
     np.testing.assert_allclose(motion.states[0], exact, atol=1e-3)
     assert motion.steps < count + 20
-
-
-def test_stairs_of_the_state():
-    """x' = 1 + the number of levels below x: 20 straight lines."""
-    levels = np.linspace(0.25, 9.75, 20)
-    f = field(lambda s: (1.0 + (s[0] > levels).sum(),), "x")
-    heights = np.diff([0.0, *levels])
-    time = (heights / np.arange(1.0, 21.0)).sum()
-    motion = sf.flow(f, [0.0], time=[time, time + 1.0])
-    np.testing.assert_allclose(motion.states[:, 0], levels[-1] + np.array([0.0, 21.0]), rtol=1e-9)
-    falling = field(lambda s: (1.0 - 2 * (s[0] > levels).sum(),), "x")
-    with pytest.warns(sf.IntegrationWarning, match="slide"):
-        assert sf.flow(falling, [0.0], time=1.0).end == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("stiff", [None, True])

@@ -250,13 +250,6 @@ def test_what_is_decided_does_not_depend_on_the_times_asked():
     np.testing.assert_allclose(many.states[9::10], few.states, atol=1e-7)
 
 
-def test_a_rest_just_at_its_edge():
-    """From (1, 0) with k = 0.2 it comes to rest at x = k, where friction just holds the spring."""
-    block = Field(lambda s, c: (s[1], -s[0] - 0.2 * c * np.sign(s[1])), "x v", c=1.0)
-    motion = flow(block, [1.0, 0.0], time=[7.0, 20.0])
-    np.testing.assert_allclose(motion.states, [[0.2, 0.0]] * 2, atol=1e-9)
-
-
 def test_a_sign_as_a_quotient():
     """x / |x| is 0 / 0 on the surface."""
     block, same = (

@@ -279,13 +279,3 @@ def test_events_at_the_edge_of_f(rng, stiff):
         assert (motion.status == (Status.STOPPED if own else Status.ENDED)).all()
         right = times[:n].T.ravel()
         np.testing.assert_allclose(motion.events.time, right, rtol=1e-6)
-
-
-def test_a_mirror_reached_at_once():
-    """The state has rounding errors of a step, though hardly any time has passed."""
-    free = Field(lambda s: (s[1], 0.0), FREE)
-    a, x, v = 3.2658904471899737, -3.2651775356457717, -9.79767134156992
-    to = lambda s: (-s[0], 0.5 * s[1])  # noqa: E731
-    mirrors = [Event(f"x - {a}", direction="up", to=to), Event(f"x + {a}", direction="down", to=to)]
-    motion = flow(free, [x, v], time=2.0, events=mirrors)
-    assert motion.events.count.tolist() == [0, 2]

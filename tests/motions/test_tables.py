@@ -93,13 +93,6 @@ def test_tables_that_bend_and_jump_each_after_its_own_delay(start):
     np.testing.assert_allclose(motion.derivatives["c"][-1, 0], 1.6, rtol=1e-6)
 
 
-def test_a_table_of_the_state_to_which_both_sides_lead_back():
-    back = field(lambda s: (np.interp(s[0], [0, 0], [1, -1]),), "x")
-    with pytest.warns(sf.IntegrationWarning, match="slide"):
-        motion = sf.flow(back, [-1.0], time=3.0)
-    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-9)
-
-
 @pytest.mark.parametrize("time", [4.0, -3.0])
 def test_tables_with_steep_and_level_parts(time, rng):
     """One begins on a knot; ramps last 1e-9 or one rounding; a part is constant."""
@@ -112,18 +105,3 @@ def test_tables_with_steep_and_level_parts(time, rng):
         right = relaxed(1.0, 1.0, 0.0, time, xp, fp)
         np.testing.assert_allclose(motion.final[0], right, rtol=1e-10, atol=1e-10)
         assert motion.steps < 200
-
-
-def test_a_table_is_level_beyond_its_knots_also_at_infinity():
-    # log(0) and 1/0 at the start; left and right are jumps.
-    f = field(
-        lambda s: (
-            np.interp(np.log(s[1]), [0.0, 1.0], [3.0, 5.0]),
-            np.interp(1 / s[1], [1.0, 2.0], [1.0, 1.0], left=0.5, right=2.0),
-        ),
-        "x y",
-    )
-    (end,) = sf.flow(f, [0.0, 0.0], time=1.0, rtol=1e-12).states
-    # y' = 2 up to y = 1/2, then 1 up to y = 1, at t = 3/4, then 1/2 up to 9/8.
-    y = 9 / 8
-    np.testing.assert_allclose(end, [3.0 + 4.0 * (y * np.log(y) - y + 1.0), y], rtol=1e-11)

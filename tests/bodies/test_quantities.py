@@ -73,7 +73,7 @@ def error(computed, exact):
 @pytest.mark.parametrize("name", IN_3D)
 @pytest.mark.parametrize("k", [0.0, 1e-3, 0.9, -20.0])
 @pytest.mark.parametrize("near", [False, True])
-def test_in_three_dimensions(rng, name, k, near):
+def test_quantities_in_three_dimensions(rng, name, k, near):
     """Quantities in 60 digits, also next to steady states, as far as rounded inputs decide them."""
     exact, tolerance = IN_3D[name]
     if k and name == "to_xy":
@@ -92,7 +92,7 @@ def test_in_three_dimensions(rng, name, k, near):
 
 
 @pytest.mark.parametrize("m", [1, 2, 3, 7, 40])
-def test_in_n_dimensions(rng, m):
+def test_quantities_in_n_dimensions(rng, m):
     for _ in range(5):
         J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
         body, eps = sf.SuslovND(J=J, I=I), rng.uniform(-1, 1)
@@ -147,7 +147,7 @@ def test_a_density_where_a_pivot_is_small():
         np.testing.assert_allclose(density, 1 / (1 - 2 * some**2), rtol=1e-15)
 
 
-def test_special_cases(body, unit):
+def test_quantities_of_special_states(body, unit):
     still = sf.Suslov3D(1, 2, 0, 0)
     assert body.energy([1, 0.5]) == 2.125
     assert body.criticality([0, 0], 0.2) == body.criticality([1, 2], 0) == 0

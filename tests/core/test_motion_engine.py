@@ -148,7 +148,7 @@ PATTERNS = {
 
 @pytest.mark.parametrize("longest", [20_000, -1])
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_elimination(pattern, longest, monkeypatch):
+def test_implicit_steps_of_linear_systems(pattern, longest, monkeypatch):
     """By a list of operations, and by columns, of one orbit and of eight."""
     monkeypatch.setattr(integrator, "LONGEST", longest)
     D = int(np.max(PATTERNS[pattern])) + 1 + (longest < 0)  # each way has code of its own

@@ -55,7 +55,7 @@ def test_which_fields_have_sets():
 STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
 
 
-def test_order():
+def test_the_order_is_ten():
     """Ten: with half the steps of one length the error is 1,024 times as large."""
     field, errors = Field(rates_of_henon_heiles, 4), []
     right = flow(field, STATES, time=12.0, rtol=1e-13).states[-1]

@@ -88,7 +88,9 @@ def as_in_an_empty_process(monkeypatch):
 
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("name", CALLS)
-def test_same_bits(name, as_in_an_empty_process, monkeypatch):
+def test_interpreted_calls_have_the_bits_of_compiled_ones(
+    name, as_in_an_empty_process, monkeypatch
+):
     monkeypatch.setattr(decorators, "WARM_UP", -1.0)
     expected = CALLS[name]()
     as_in_an_empty_process()

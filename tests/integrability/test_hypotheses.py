@@ -61,7 +61,7 @@ def test_a_special_value_without_inverse_adds_no_integrals():
 def test_a_pole_is_a_special_value(make):
     system = make(lambda s, a: (s[1], s[0] / (a - 1)), "x y", a=1)
     found = report(system, letters="a", degree=2)
-    assert "At a = 1 there is no map" in found.notes[-1]
+    assert all(text in found.notes[-1] for text in ("a = 1", "no map"))
     assert found.relations == 1  # x^2 + (a - 1) y^2 over x y, or the energy
     assert found.finished
 

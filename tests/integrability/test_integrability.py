@@ -434,7 +434,7 @@ def test_integrals_with_irrational_coefficients():
 def test_determinants_that_are_too_long():
     """Without the factors of det DPhi there are still relations, and the cofactors 1, det DPhi."""
     found = report(random_field(5), eps=EPS, degree=1)
-    assert "det DPhi is too long" in repr(found)
+    assert "too long" in repr(found)
     assert found.finished
     with pytest.raises(ArithmeticError, match="at most"):
         cofactors(kahan(random_field(5), EPS), 1)

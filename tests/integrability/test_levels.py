@@ -222,9 +222,7 @@ def test_a_map_with_as_many_integrals_as_variables():
 def test_reports_say_the_entropy_on_the_generic_level():
     found = of_zoo("Zhukovsky-Volterra, two betas")
     assert (found.on_level.entropy, found.on_level.proved) == (pytest.approx(SILVER), True)
-    assert "Entropy (proved): 0.881374, log of the largest root of x^2 - 2*x - 1" in repr(found)
-    assert of_zoo("Kharlamova").on_level.entropy == pytest.approx(SILVER)
-    assert of_zoo("Euler top").proved_entropy == 0
+    assert all(text in repr(found) for text in ("0.881374", "x^2 - 2*x - 1"))
     no_rule = of_zoo("Suslov, Lagrange axis")
     assert no_rule.on_level.entropy is None
     with pytest.raises(ValueError, match=r"^integrals .* degree 2, \d in x1"):

@@ -103,7 +103,7 @@ THREE = {"exact": of_exact, "flow": of_flow, "limits": of_limits, "iterate": of_
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("kernel", THREE)
 @pytest.mark.parametrize("cases", [15, pytest.param(80, marks=SLOW)])
-def test_three_dimensions(kernel, cases, seed):
+def test_backward_errors_next_to_two_degenerate_sets(kernel, cases, seed):
     draw, errors = adversary.Adversary(np.random.default_rng([seed, cases])), []
     for _ in range(cases):
         inputs, sets = adversary.planar(draw)

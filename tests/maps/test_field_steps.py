@@ -50,7 +50,7 @@ def square(x):
         (lambda x: (0 * x[0], 1 + 0 * x[1]), (0.0, -3.0), 0.25, 10, 0.0),
     ],
 )
-def test_orbits(f, start, eps, steps, tolerance):
+def test_orbits_in_60_digits(f, start, eps, steps, tolerance):
     run = sf.iterate(sf.Field(f, len(start)), start, eps, steps)
     exact = naive.iterated(lambda x: naive.kahan_step(f, eps, x), start, steps)
     size = max(float(naive.mpmath.norm(x)) for x in exact)
@@ -165,7 +165,7 @@ GROWN[:, -1], GROWN[-1] = 1.0, [1.0] * 18 + [-1.0, 2.0**-30 - 1.0]
         GROWN.tolist(),
     ],
 )
-def test_poles(A):
+def test_singular_matrices_are_poles(A):
     run, _ = linear_step(np.array(A), np.ones(len(A)))
     assert run.status == sf.Status.SINGULAR
     assert run.failed_at == 1

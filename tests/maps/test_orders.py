@@ -63,7 +63,7 @@ def composed(field, x, eps, method, steps=1):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_fractions(method):
+def test_fractions_are_those_published(method):
     """Those published, whose odd powers have the sum 0 up to the order; no sub-step overshoots."""
     record, order = map_of(LORENZ, method), int(method[-1])
     fractions = np.array(STAGES[method])
@@ -100,7 +100,7 @@ def test_steps_are_composed(name, method, rng):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_multipliers(method):
+def test_multipliers_are_products_over_fractions(method):
     """The product over the fractions; its limits; those of a family."""
     point = [np.sqrt(72), np.sqrt(72), 27]
     mu = np.linalg.eigvals(2 * (np.eye(3) - sf.kahan.matrix(LORENZ, point, 1.0)))

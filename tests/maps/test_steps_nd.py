@@ -32,7 +32,7 @@ def error_by_condition(method, J, I, eps, omega):
 
 @pytest.mark.parametrize("m", [1, 2, 3, 4, 7, 16])
 @pytest.mark.parametrize("speed", [0.3, 2.0, 8.0])
-def test_orbits(rng, m, speed):
+def test_orbits_in_60_digits(rng, m, speed):
     J, I, eps, omega = random_problem(rng, m, speed)
     exact = naive.orbit_nd(J, I, eps, omega, 12 if m < 7 else 4)
     sizes = np.linalg.norm(np.array(exact, float), axis=1)

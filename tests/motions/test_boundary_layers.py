@@ -66,7 +66,7 @@ COSINE = sf.Field(lambda s, eps: (s[0] * (np.cos(s[1]) - s[0]) / eps, 1.0), "y t
 @pytest.mark.sampled(24)
 @pytest.mark.filterwarnings("ignore:1 of 1 solutions have a component that fell below")
 @pytest.mark.parametrize("seed", range(300))
-def test_knees(seed):
+def test_slow_motions_past_a_knee(seed):
     """Where f' vanishes along a slow motion, y is the inverse of a Gaussian integral (Bernoulli).
 
     With k = 1 / eps it is (2 / (pi k))**(1/2) at the knee of 1 - t, and 1 / (k pi i0e(k)) at that

@@ -78,7 +78,7 @@ def errors(name, rtol, **options):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_against_series(name):
+def test_derivatives_beside_power_series(name):
     for rtol in (1e-4, 1e-9, 1e-12):
         assert max(errors(name, rtol)) < 1e3 * rtol
     assert max(errors(name, 1e-9, stiff=True)) < 1e-6
@@ -86,7 +86,7 @@ def test_against_series(name):
 
 @pytest.mark.parametrize("name", STIFF)
 @pytest.mark.parametrize("stiff", [None, True])
-def test_stiff_equations_against_series(name, stiff):
+def test_stiff_derivatives_beside_power_series(name, stiff):
     for rtol in (1e-4, 1e-6, 1e-9):
         assert max(errors(name, rtol, stiff=stiff)) < 1e3 * rtol
     assert max(errors(name, 1e-12, stiff=stiff)) < 1e-10
@@ -111,7 +111,7 @@ def test_stiff_derivatives_take_about_the_steps_of_states(f, start, time):
 
 
 @pytest.mark.slow
-def test_the_series():
+def test_stored_values_are_those_of_the_series():
     f, x, time, step, parameters = CASES["pendulum"]
     state, by_starts, others = solution_and_derivatives(f, x, time, 0.7 * step, **parameters)
     found = {"x": state, "x0": by_starts, **others}

@@ -64,7 +64,7 @@ def test_each_state_once():
         (np.diag([1.5, 1.4, 1.3]), "repelling", "repelling"),
     ],
 )
-def test_kinds(matrix, of_motion, of_map):
+def test_kinds_of_equilibria(matrix, of_motion, of_map):
     """Of linear systems, by their eigenvalues."""
     D = len(matrix)
     for system, kind in ((sf.Field, of_motion), (sf.Map, of_map)):

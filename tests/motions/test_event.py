@@ -22,7 +22,7 @@ SHARED = Event(
 
 
 @pytest.mark.parametrize("change", [DOSES, SHARED, Event("gut", terminal=True), Event(times=[])])
-def test_text(change):
+def test_events_as_text(change):
     """Changes as text are read, compared and traced as they were."""
     text = change.of(PK)
     again = Event.from_dict(json.loads(json.dumps(text.to_dict())))
@@ -49,7 +49,7 @@ def test_new_states_by_component(to):
     assert motion.events.states[0].tolist() == [100.0, motion.events.before[0, 1]]
 
 
-def test_changes_differ():
+def test_events_that_differ():
     first = Event(times=[1.0, np.nan])
     assert first == Event(times=[1.0, np.nan])
     assert first != Event(times=[1.0, 2.0])
@@ -63,7 +63,7 @@ def test_changes_differ():
     assert none[0] != none[1]
 
 
-def test_results():
+def test_results_of_events():
     own = PK.with_parameters(dose=[50.0, 100.0, 200.0])
     motion = flow(own, [0.0, 0.0], time=[10.0, 72.0], events=[Event(times=[5.0]), DOSES])
     changes = motion.events

@@ -28,7 +28,7 @@ def at(field, x, time, **options):
 # ---------------------------------------------------------------------------------------- accuracy
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FLOWS)
-def test_series(name):
+def test_motions_beside_power_series(name):
     """Against power series in long doubles; forward and back."""
     field, start, time = FLOWS[name]
     end, largest = by_series(name).astype(float), abs(by_series(name)).max()

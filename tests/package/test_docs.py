@@ -169,7 +169,7 @@ def test_page(path, folder, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", [*PAGES, README], ids=attrgetter("name"))
-def test_text(path):
+def test_texts_links_and_kinds_of_blocks(path):
     """Blocks are of known kinds, links and files exist, and nothing needs Sphinx to be read."""
     text = path.read_text(encoding="utf-8")
     if path.stem not in {"README", "changelog"}:  # the first line says for whom a page is

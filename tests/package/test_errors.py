@@ -290,7 +290,7 @@ TABLE = [
         for k, call in enumerate(calls)
     ],
 )
-def test_bad_calls(exception, name, call):
+def test_a_bad_call_names_its_argument(exception, name, call):
     with pytest.raises(exception) as caught:
         call()
     message = str(caught.value)

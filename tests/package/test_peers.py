@@ -64,7 +64,7 @@ def names():
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("here", sorted({here for *_, here in ROWS}))
-def test_row(here, names):
+def test_a_row_gives_what_scipy_gives(here, names):
     scipy = [there.strip("`") for package, there, row in ROWS if (package, row) == ("SciPy", here)]
     expected, error = OTHERS[here] if here in OTHERS else (scipy[0], 1e-6)
     for reference in [expected, *scipy]:

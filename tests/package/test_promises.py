@@ -94,7 +94,7 @@ def test_threads_and_chunks(rng, monkeypatch, name, kind):
 @pytest.mark.sampled(24)
 @pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 @cases()
-def test_any_input(rng, name, kind):
+def test_lists_integers_and_other_memory(rng, name, kind):
     """Lists, other memory and integers; nothing that is passed in changes; NaN gives NaN."""
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (3, 4), (), name)
     omega = np.round(omega * 4)

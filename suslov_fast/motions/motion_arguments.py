@@ -206,7 +206,8 @@ def warn_of_ends(
         count = f"{np.count_nonzero(ends)} of {ends.size} solutions"
         if status == Status.ENDED and atol is not None and not np.any(atol):
             text += (
-                " (atol=0 asks for digits that f may not have where a component passes 0: omit it)"
+                " (f may lack the digits for atol=0 where a component passes 0: write exp(x) - 1 "
+                "as np.expm1(x), or omit atol)"
             )
         texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
     if texts:

@@ -327,7 +327,19 @@ def test_relaxation_oscillations_jump_at_the_right_time(rtol):
 
 
 def test_with_atol_0_ends_are_told_how_to_go_on():
-    """f is noise where V / (exp(V) - 1) is 0/0, and steps are short there with atol=0."""
-    f = field(lambda s: (s[0] * (0.3 * np.exp(s[0]) - 0.1) / (np.exp(s[0]) - 1),), "V")
-    with pytest.warns(sf.IntegrationWarning, match="atol"):
-        sf.flow(f, [-1e-13], time=1.0, atol=0, rtol=1e-9)
+    """f is noise near an event at V = 0, where V / (exp(V) - 1) is 0/0; expm1 has all digits."""
+    starts = np.column_stack([np.linspace(-3.3, -2.7, 40), np.ones(40)])
+    options = {"time": 8.0, "rtol": 1e-9, "atol": 0, "events": sf.Event(lambda s: s[0])}
+
+    def channel(minus_1):
+        return field(
+            lambda s: (1.0 + 0.3 * s[1] * s[0] / minus_1(s[0]), -s[1] + np.cos(3 * s[0])), "V w"
+        )
+
+    with pytest.warns(sf.IntegrationWarning, match=r"write exp\(x\) - 1 as np.expm1\(x\)"):
+        sf.flow(channel(lambda v: np.exp(v) - 1), starts, **options)
+    motion = sf.flow(channel(np.expm1), starts, **options)
+    right = sf.flow(channel(np.expm1), starts, time=8.0, rtol=1e-12)
+    assert motion.ok.all()
+    assert len(motion.events.time) == 40
+    np.testing.assert_allclose(motion.states, right.states, rtol=1e-7)

@@ -15,7 +15,7 @@ from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .event_actions import most_records
 from .event_records import size_of
-from .growing_components import TIGHT, many_of, some_of
+from .growing_components import closer_rtol, many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
@@ -45,7 +45,7 @@ class Settings(NamedTuple):
 
 def closer(settings):
     """Return the `Settings` with which trajectories are computed again after an alarm."""
-    return settings._replace(rtol=max(settings.rtol / TIGHT, LEAST_RTOL))
+    return settings._replace(rtol=max(closer_rtol(settings.rtol), LEAST_RTOL))
 
 
 class SolverRequest(NamedTuple):

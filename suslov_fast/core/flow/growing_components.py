@@ -3,7 +3,7 @@
 Without `atol` a step may have errors that are large beside a small component. They do no harm if
 the component decays for good, or if other components feed it: then it forgets them. If it grows by
 itself, its errors grow with it. Then the trajectory is computed again, with relative digits of this
-component (RELATIVE in place of `lost`), and with rtol / TIGHT, because growth makes errors larger.
+component (RELATIVE in place of `lost`), and with a closer rtol, because growth makes errors larger.
 
 `lost` is the relative error that a component carries: the sum of |error / component| over steps in
 which it is small and the error counts (`some_of`). Most steps only compare two products (`ALERTS`);
@@ -32,7 +32,7 @@ from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # in place of `lost`
-TIGHT, LATER = 4.0, 1.001  # times another end: both may be at the same pole
+LATER = 1.001  # times another end: both may be at the same pole
 # Growth in a step, by the exponent: of the next implicit step, which is four times as long, and of
 # an explicit step that has lost 1e-6 of it. Explicit steps lose (a h / MOST)**10 of exp(a h).
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
@@ -47,6 +47,11 @@ MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
 SOME, OF_IMPLICIT = 1.6e-3, 0.125  # see `some_of`
 DEEP = 5e-4  # or 100 rtol: part of a component that keeps its sign
 UNDERFLOW = 2.0**-990
+
+
+def closer_rtol(rtol):
+    """Return `rtol` of a second try, in which errors grow; loose ones have few digits to lose."""
+    return rtol / (16.0 if rtol > 1e-8 else 4.0)
 
 
 def many_of(rtol):

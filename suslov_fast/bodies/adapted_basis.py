@@ -24,7 +24,7 @@ def in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
     return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation
 
 
-# How programs print another tensor.
+# Part of error messages: CAD programs may print the tensor in other conventions.
 _CONVENTIONS = "it is about the fixed point, with minus the integrals of x y dm off the diagonal"
 
 

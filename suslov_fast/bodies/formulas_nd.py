@@ -45,7 +45,7 @@ _INSTEAD = {
 
 
 def check_known(body: Any, function: str) -> None:
-    """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
+    """Raise NotIntegrableError if a member of `body` has no known formula for `function`."""
     parts, known = body._reduction, body._is_solved
     expected = "two coordinates"
     if function == "invariant_density":

@@ -241,7 +241,7 @@ class Body(Members, metaclass=Answering):
 
     @classmethod
     def _from_dict(cls: type[Kind], given: dict[str, Any]) -> Kind:
-        """Return the body that a dictionary describes, from which it removes entries."""
+        """Return the body that the dictionary `given` describes; remove entries that are read."""
         how = ": it is the name of the class that has from_dict"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)
         read = cls._read or cls

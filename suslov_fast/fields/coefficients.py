@@ -25,7 +25,7 @@ Entries = tuple[Any, Any]
 Polynomial = dict[tuple[int, ...], Any]
 
 
-# ------------------------------------------------------------------------- of lists of operations
+# ------------------------------------------------------------ coefficients of lists of operations
 class NotQuadratic(TypeError):
     """Equations have no coefficients of degree 2; the text is the reason."""
 
@@ -93,7 +93,7 @@ def coefficients_by(
 
 
 def _is_nonzero(c: Any) -> bool:
-    """Return True for a number other than 0, and an array with such a number or without any."""
+    """Return True for a number other than 0, an array that contains one, or an empty array."""
     return bool(c.any() or not c.size) if isinstance(c, np.ndarray) else bool(c)
 
 

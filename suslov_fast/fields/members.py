@@ -138,7 +138,7 @@ class Members:
 
 
 def place_in(shape: tuple[int, ...], entry: Any) -> Any:
-    """Return an entry of an index for the first axis: an integer, a slice or indices."""
+    """Check an `entry` that indexes the first axis; return an integer, a slice or indices."""
     if not shape:
         raise IndexError
     if isinstance(entry, slice):

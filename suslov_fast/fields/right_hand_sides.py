@@ -62,7 +62,7 @@ def _with_constants(
 
 @lru_cache(64)
 def _of_list(equations: Equations, wrt: Names, actions: Actions, constants: int) -> RightHandSide:
-    """Return the right-hand side of equations; `actions` have so many constants as parameters."""
+    """Return the right-hand side; `constants` is how many constants of `actions` are parameters."""
     with_sums = wrt is not None and _has_branches_of_products(equations.products[0])
     program = (equations.values, equations.results) if with_sums else equations.products
     values, results = in_order(*program, constants)

@@ -30,7 +30,7 @@ from ..keywords import missing_in
 try:
     import flint  # noqa: F401
 except ImportError:
-    extra("flint", "algebra")  # raises in the words of all extras
+    extra("flint", "algebra")  # raises the error of any missing extra
     raise
 
 from .birational_maps import RationalMap

@@ -84,7 +84,7 @@ class ComposedMap(RationalMap):
 
 
 def composed(stages: Sequence[list[Any]], inverse: Any, letters: Any, *more: Any) -> RationalMap:
-    """Return the composition of `stages`, lists F_1, ..., F_D, F_0; `more` are names and values."""
+    """Return the composition of `stages`, lists F_1, ..., F_D, F_0; `more` are `names`, `given`."""
     if len(stages) == 1:
         return RationalMap(stages[0], inverse, letters, *more)
     maps = [RationalMap(forms, None, letters) for forms in stages]

@@ -43,7 +43,7 @@ _POINTS = 3  # at which an inverse is checked
 
 @public
 def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -> RationalMap:
-    """Return a `Map` as a rational map, exact, with its inverse or with letters.
+    """Return a `Map` as an exact rational map, with its inverse or with symbolic parameters.
 
     The other functions of this module take a :class:`suslov_fast.Map` itself, without an inverse.
 

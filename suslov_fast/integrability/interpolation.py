@@ -119,9 +119,9 @@ def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(exponents: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return a matrix of pairs (N, D) of polynomials with rational coefficients.
+    """Return a matrix of quotients N / D with rational coefficients, as pairs (N, D).
 
-    `exponents` are those in N and D; `residues` are pairs (coefficients modulo p, p).
+    `exponents` has the exponents in N and D, `residues` pairs (all coefficients modulo p, p).
     """
     total, modulus = np.zeros((), object), 1
     for coefficients, p in residues:  # the Chinese remainder theorem

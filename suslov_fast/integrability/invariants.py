@@ -84,7 +84,7 @@ class Invariants:
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
-        self._normal: dict[int, str] = {}  # texts of spaces in normal form, in the same way
+        self._normal: dict[int, str] = {}  # texts of spaces in normal form, by cofactor value
         # Lists of polynomials with the same cofactor, which is not known.
         self.spaces: list[list[RationalFunction]] = []
         self.densities: list[RationalFunction] = []  # by a theorem
@@ -226,7 +226,7 @@ class Invariants:
         return tuple(map(_without_constant_term, independent(candidates, self.p)))
 
     def _quotients(self) -> Iterator[RationalFunction]:
-        """Yield quotients of polynomials of one cofactor, of the `normal_basis` if it is known."""
+        """Yield quotients of polynomials with the same cofactor, in normal form if it is known."""
         for value in dict.fromkeys(self.value(g.cofactor) for g in self.generators):
             functions = self.elements(value)
             forms = self.forms.get(value, [])

@@ -113,10 +113,10 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
-    """Return polynomials that span the relations of all orbits if their quotients are integrals.
+    """Return polynomials that span the relations of all orbits; () if quotients are no integrals.
 
-    This is so if the relations of one orbit span d dimensions, and the relations of all orbits span
-    d + 1. Else return ().
+    Their quotients are integrals if the relations of one orbit span d dimensions, and the relations
+    of all orbits span d + 1.
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0 or not map.is_invertible:

@@ -394,7 +394,7 @@ class Search:
         return Task(run, kind, k, needed=False)
 
     def _find_polynomials(self, cofactor: Any, k: int) -> Tasks:
-        """Find the polynomials of `_polynomials_of`, unless they are known; return tasks."""
+        """Find the polynomials of `_polynomials_of`, unless they are known; return new tasks."""
         facts, known = self.invariants, list[Any]()
         if isinstance(cofactor, Determinant) and facts.has_factors:
             cofactor = self.map.jacobian_cofactor * cofactor.sign  # type: ignore[operator]

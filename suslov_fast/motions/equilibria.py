@@ -40,7 +40,7 @@ _WHOLE = 1e-8  # the smallest of them in a regular matrix, in units of the given
 _PROBE = 1e-6  # the relative distance from which Newton's method leads back to an equilibrium
 _COUNTED = 10_000  # the most starts for which the text of the result counts different states
 _NEUTRAL = 2.0**-48  # rounding errors of eigenvalues, divided by the largest entry of f'
-_ZERO = 1e-15  # f at a multiple root, divided by the terms of f' dx at the given state
+_ZERO = 1e-15  # largest |f| at a multiple root, divided by `terms`
 
 
 class Equilibria(NamedTuple):

@@ -169,7 +169,7 @@ class SolverResult(NamedTuple):
         )
 
     def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
-        """Return the result with trajectories `where` (K,) as in `part`; arrays are written to."""
+        """Return the result with trajectories `where` (K,) from `part`; overwrite own arrays."""
         ends, records = self.all_ends, self.records
         wholes: list[Any] = [*ends, *self.columns.values()]
         for whole, new in zip(wholes, [*part.all_ends, *part.columns.values()], strict=True):

@@ -71,10 +71,10 @@ def _power_of_2(values: FloatArray) -> FloatArray:
 
 
 def _of_records(records: Records, scales: FloatArray) -> Records:
-    """Return records with derivatives (K, C) and (K, D, C), and with states without columns.
+    """Return records with derivatives (K, C) and (K, D, C); their states lose the columns.
 
     If the start changes along a column v, the event comes tau earlier, and the state at the event
-    changes by v - f tau. `of_columns` are tau of C columns, and f before and after.
+    changes by v - f tau. `records.of_columns` has tau of C columns, then f before and after.
     """
     K, C = scales.shape
     D = records.states.shape[1] // (1 + C)

@@ -228,7 +228,7 @@ class Shooting:
         for _ in range(0 if self.flow.is_forced or self.flow.keeps_phase else _CORRECTIONS):
             (rate,), (gap,) = best.rates, best.gaps
             change = -(rate @ gap) / (rate @ rate)
-            if not _LEAST_CHANGE < abs(change) < 0.5:  # false for NaN
+            if not _LEAST_CHANGE < abs(change) < 0.5:  # NaN leaves the loop, too
                 break
             other = Shooting(self.flow, self.nodes, best.T * float(1.0 + change), self.sizes)
             if not other.distance < best.distance:

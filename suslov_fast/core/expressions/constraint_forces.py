@@ -1,7 +1,7 @@
 """Forces that hold constraints: where a solution slides along a surface, or a body rests on it.
 
-A constraint fixes the rate n . x' of a surface while it holds, by a force with a direction d. With
-the forces the rates y become
+While a constraint holds, it fixes the rate n . x' of a surface by a force with a direction d.
+Without forces the rates are y. With forces they become
 
 x' = y + sum_a w_a d_a,     n_a . (x' - y) = r_a for each constraint a that holds,
 
@@ -51,7 +51,7 @@ class ExtendedState(Expressions):
         return self.number(dot(self.emit, pairs) if pairs else 0.0)
 
     def at(self, x, wanted):
-        """Return `Number`s of `wanted` at another state x, and the sizes of their terms."""
+        """Return operands `wanted` at the state x, as `Number`s, and the sizes of their terms."""
         wanted = [*map(operand_of, wanted)]
         copy = dict(enumerate(x)) | {p: p for p in self.parameters}
         program = program_of(self.operations, wanted)

@@ -265,7 +265,7 @@ def emitted(values, program, new=None):
 
 
 def united(programs):
-    """Return one `Program` with the results of several, whose equal numbers are equal values."""
+    """Return one `Program` with the results of several; a number has the same value in all."""
     operations = {each[1]: each for program in programs for each in program.operations}
     results = [a for program in programs for a in program.results]
     return Program([operations[number] for number in sorted(operations)], results)

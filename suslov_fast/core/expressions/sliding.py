@@ -261,7 +261,7 @@ class SlidingEquations(_Rates):
         return self._together(x, at) if len(surfaces) > 1 else x
 
     def _together(self, x, at):
-        """Return operands of the state x with joint modes of several surfaces near it.
+        """Return the state x (operands) with the modes of several surfaces near it chosen together.
 
         All of them slide if they can do so together, so that solutions go on that wind into the
         point where the surfaces meet. Otherwise modes are as in x, or, for two surfaces, the only

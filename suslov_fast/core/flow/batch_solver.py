@@ -58,7 +58,7 @@ class SolverRequest(NamedTuple):
     report: Any = None  # takes the number of states that are done; it may return False to stop
     event_times: Any = None  # `EventTimes`, if f has events
     most: float = inf  # recorded crossings after which a trajectory stops
-    since: float = -1.0  # modulus of the time after which they count
+    since: float = -1.0  # modulus of the time after which crossings count
 
 
 @functools.lru_cache(64)
@@ -192,11 +192,11 @@ class BatchSolver:
 
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
     states   (count, B, D), the output; after the end of a solution it stays unchanged
-    t, state of each trajectory: modulus of the time at which it ended, and its `LaneState`
+    t, state (B,), modulus of the time at which each trajectory ended, and its `LaneState`
     columns  the rows `COLUMNS` of each trajectory at its end, by name
-    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: as given
-             at the start, and at the end if they were given, or if there was an alarm
-    doubtful (B,), True for an alarm that does not act
+    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: at first
+             as given, or 0; at the end as computed, if they were given or there was an alarm
+    doubtful (B,), True where an alarm has no effect
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
     """
@@ -269,7 +269,7 @@ class BatchSolver:
             lost, D = self.lost[block], self.lost.shape[1]
             lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
             found[:, rows.lost : rows.lost + D] = lost
-            for c in range(self.f.columns):  # of derivatives, which are relative with x
+            for c in range(self.f.columns):  # derivatives are RELATIVE where x is
                 first = rows.lost + D * (1 + c)
                 found[:, first : first + D] = np.minimum(lost, 0.0)
             found[:, rows.watches] = lost.max(axis=1, initial=0.0)
@@ -279,7 +279,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take all steps of a slice, from rows `flat` if given, until `abandoned` has an entry."""
+        """Take all steps of the slice `block`, in rows `flat` if given; stop if `abandoned`."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH

@@ -38,9 +38,9 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
-    `chosen_at` is the last such time at which no event `acted` (1). `chosen_often` counts changes
-    in a row, each within AT_ONCE of the time after the last; an event ends the row. The time counts
-    as EARLY of `last` or more. At BACK_AND_FORTH a lane in the state `mode` becomes SLIDING.
+    `chosen_at` is the time of the last change at which no event `acted` (0). `chosen_often` counts
+    changes in a row, each within AT_ONCE * t of the change before; here t counts as EARLY * `last`
+    at least. An event ends the row. At BACK_AND_FORTH a lane in the state `mode` becomes SLIDING.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)

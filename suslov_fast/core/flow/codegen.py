@@ -24,7 +24,7 @@ class FunctionCode:
         self.work = text.arrays(work, integrator.work)
 
     def call(self, function, *addresses):
-        """Call `functions[function]` of the integrator; `addresses`: input, table and output."""
+        """Call a function of the integrator with the `addresses` of input, table and output."""
         self.text.invoke(f"{self.name}_{function}", *addresses, self.work.scratch)
 
 
@@ -93,8 +93,8 @@ class StepCode(FunctionCode):
     def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
         """Apply a kernel to component 0, 1, ... in turn; return its last results as a `Carried`.
 
-        For each of `count` components (default D), inputs of the kernel are the dict inputs(i), and
-        its results for the component before, by name. For component 0 these are `start`.
+        Inputs of the kernel at component i are inputs(i), a dict, and its results at component
+        i - 1, which are `start` at component 0. There are `count` components, by default D.
         """
         found = Carried(**start)
         for i in self.text.each(self.D if count is None else count, found):
@@ -116,7 +116,7 @@ class StepCode(FunctionCode):
     def keep_largest(self, truth, i, x):
         """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true.
 
-        It is |x| if steps have relative digits of the component, see `growing_components`.
+        The row is |x| if steps have relative digits of the component, see `growing_components`.
         """
         modulus, largest = abs(x), self.line.largest[i]
         is_new = modulus > largest
@@ -132,9 +132,9 @@ class StepCode(FunctionCode):
                 yield lane * 8
 
     def put_clocks(self, one, offset, time, to):
-        """Write clocks that count from 0 to the state at `to`: the rate times the `time`, exactly.
+        """Write clocks, which count from 0, into the state at `to`: rate times `time`, exactly.
 
-        `one` is the text of one lane, which is at the byte `offset`. Steps would add up rounding.
+        A sum over steps would add up rounding. `one` is the code of one lane, at byte `offset`.
         """
         rates = one.array(self.line.f.at() + offset)
         sign = Shared(one, self.of.numbers)[NUMBER.sign]

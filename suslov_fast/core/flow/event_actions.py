@@ -37,7 +37,7 @@ FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the
 
 
 def _level(is_above, value, rounding):
-    """Return the level at which s = `value` counts as above, or as below: 0 if it does so at 0."""
+    """Return 0 if s = `value` is on the side `is_above` of 0, else a level that puts it there."""
     below = (value < 0.0).select(0.0, value + (rounding + LEAST))
     return is_above.select(smaller(value, 0.0), below)
 
@@ -284,7 +284,7 @@ def _look(code, x, f, to):
 
 
 def _look_at_end(code):
-    """Write the numbers of surfaces at the next state to the row `toward`."""
+    """Write the `OF_SURFACE` numbers of each surface at the next state to the row `toward`."""
     _look(code, code.work.new, code.work.f_new, code.work.toward)
 
 

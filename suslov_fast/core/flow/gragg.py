@@ -74,7 +74,7 @@ class ExplicitColumns(FunctionCode):
         return any(getattr(function, name) for function in self.functions.values())
 
     def narrower(self):
-        """Return `Code` for the lanes of one register if f is inlined without calls, else all."""
+        """Return `Code` for one register of lanes if f is inlined without calls, else for all."""
         W = numbers_in_register()
         if self.is_inlined and W < self.text.W and not self._have("calls"):
             return self.text.lanes(W)
@@ -150,7 +150,7 @@ class ExplicitColumns(FunctionCode):
             b[i] = x[i] + s * f[i]
 
     def end(self, a, b, x, ends, apart, of_a, of_b):
-        """Write an end minus x, (a + b) / 2 - x, to `ends`, a - b to `apart`, for i in `of_a`."""
+        """For i in `of_a` write the end minus x, (a + b) / 2 - x, to `ends`; a - b to `apart`."""
         for i in of_a:
             ends[i], apart[i] = (a[i] + b[i]) * 0.5 - x[i], a[i] - b[i]
 
@@ -178,7 +178,7 @@ class ExplicitColumns(FunctionCode):
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)
         a = added({i: rows_a[i] for i in A}, double, f)
-        for i in A:  # before f there: registers are few
+        for i in A:  # before f(a) is computed: registers are few
             rows_a[i] = a[i]
         f = self.value(of_b, a, table)
         for i, value in added(b, factor, f).items():
@@ -194,9 +194,9 @@ class ExplicitColumns(FunctionCode):
 
     # ------------------------------------------------------------------------------------- in lanes
     def in_lanes(self, lanes):
-        """Add all columns of one trajectory, in the lanes of the `Code` `lanes`, see IN_LANES.
+        """Add code that computes all columns of one trajectory, in lanes of `lanes` (a `Code`).
 
-        So each reading of the matrices of f serves three columns.
+        Three columns (IN_LANES) share each entry of a matrix of f that is loaded.
         """
         text, work, D = self.text, self.work, self.D
         x, f, own = text.array("%x"), text.array("%f"), work.lanes.at()

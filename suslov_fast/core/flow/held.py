@@ -109,10 +109,10 @@ PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
 
 
 def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
-    """Return the motion of f over a time as a `MotionSystem`; its code lasts.
+    """Return the motion of f over a time as a `MotionSystem`; its machine code stays in memory.
 
-    `given` (P,) are all parameters of f; they begin with `parameters`, which may change. If f has
-    columns of derivatives, the last columns are by the parameters with the numbers `by`.
+    `given` (P,) are all parameters of f; the first ones are `parameters`, which may change. If f
+    has columns of derivatives, the last ones are by the parameters that have the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     has_atol, again = settings.atol is not None, closer(settings)

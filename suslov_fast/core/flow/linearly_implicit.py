@@ -36,8 +36,8 @@ from .step_length import MOST_APART
 from .weights import IMPLICIT, QUARTERS, weights
 
 SMALLEST_SCALE = 2.0**-60
-# How much more a sum that f' at the end makes large counts: f' still decreases there. Of 300 layers
-# of friction at rtol 1e-4 with 1 17 solutions stick too long, with 16 3; more steps are rare.
+# Factor of a sum that f' at the end makes large, because f' still decreases there. In 300 layers
+# of friction at rtol 1e-4, 17 solutions stick too long with 1, and 3 with 16; few need more steps.
 AT_END = 16.0
 
 
@@ -45,8 +45,9 @@ AT_END = 16.0
 def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     """Set `differs` to 1 if f' at the end of a step, times `right`, differs from f' at its start.
 
-    There `apart` + `at_end` is right - s f' right, to half of it. Sums within MOST_APART allowed
-    errors, 1 / `inverse`, do not matter. `f_beside` is f at the end, moved by `right`.
+    At the start `right` - s f' `right` is `apart` + `at_end`. At the end it follows from f there
+    (`f_new`) and at the distance `right` (`f_beside`); less than half of the sum is a difference.
+    Sums within MOST_APART allowed errors (1 / `inverse`) do not count.
     """
     whole, own = apart + at_end, right - s * (f_beside - f_new)
     is_large = AT_END * abs(whole) * inverse > MOST_APART
@@ -99,7 +100,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(work.at_end, D, _plus_part, work.at_end, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Begin sums for states at quarters of a step; list which one each sub-step ends, or 3."""
+        """Begin sums for states at quarters; list the quarter (0 to 2) that sub-steps end, or 3."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
@@ -115,7 +116,7 @@ class ImplicitColumns(FunctionCode):
     def add_to_quarter(self, c, m, ends):
         """Add column c to a state at a quarter of the step, if m + 1 of its sub-steps end there.
 
-        `ends` is its state minus x. The states at quarters are weighted sums over columns.
+        `ends` is the column's state minus x. States at quarters are weighted sums over columns.
         """
         number = self.numbers[self.firsts[c] + m]
         with self.text.when(number < 3, likely=False):
@@ -136,7 +137,7 @@ def find_apart(code):
 
 
 def find_apart_at_end(code, errors):
-    """Return `apart` of `errors`, and update `right`: larger where f' at the end makes them so."""
+    """Return `apart` of `errors`, and update `right`; f' at the end may make both larger."""
     text, work, D = code.text, code.work, code.D
     s = work.signed[0] * (1.0 / IMPLICIT[-1])
     text.fill(work.a, D, add, work.new, work.right)

@@ -1,8 +1,7 @@
-"""The rows of a line of lanes along a motion, by name.
+"""The rows of a line, by name: W trajectories that take their steps together, one in each lane.
 
-A row has one number of each lane: in memory a line is (rows, W). Temporary results of a step have
-rows of their own, which all lines share. Each part of a line is named here, with its number of rows
-and its meaning.
+A row has one number for each lane, so that a line is an array (rows, W). Temporary results of a
+step have rows of their own. Here each part of a line has a name, a number of rows, and a meaning.
 """
 
 from collections import namedtuple
@@ -20,12 +19,12 @@ class LaneState:
     EXPLICIT = 0
     IMPLICIT = 1
     DONE = 2  # it has reached the last time
-    ENDED = 3  # steps become too short
-    TOO_MANY = 4  # steps from one time to the next
+    ENDED = 3  # its steps have become too short
+    TOO_MANY = 4  # it has taken too many steps between two requested times
     NO_VALUE = 5  # f has no value at the start
     SLIDING = 6  # a branch of f changes back and forth
-    STOPPED = 7  # an event ends it
-    ACCUMULATES = 8  # actions follow one another at once, without end
+    STOPPED = 7  # an event has ended it
+    ACCUMULATES = 8  # actions of events follow one another at once, without end
     AGAIN = 9  # it is to be computed again, see `growing_components`
 
 
@@ -42,49 +41,49 @@ def rows_of_trajectory(integrator):
     surfaces, actions = integrator.event_surfaces, events.count if acts else 0
     return _first_rows(
         x=D,  # the state
-        f=D + len(f.denominators),  # f(x), and its denominators of clocks
-        largest=D,  # moduli of components so far
-        power_vector=D,  # of the power iteration on f'
+        f=D + len(f.denominators),  # f(x), then denominators that may not change sign
+        largest=D,  # the largest modulus of each component so far
+        power_vector=D,  # the vector of the power iteration on f'
         lost=D,  # relative errors of components, or RELATIVE, see `growing_components`
         beyond=watched,  # the state after a step of length `outer`, beyond a surface
         chosen_at=chooses,  # time at which branches of f changed last
-        chosen_often=chooses,  # how often in a row they changed at once
-        # Of surfaces of events: 1 where the state is at the level or above, 0 below, between both
-        # where it stays on it, `GAP` where it has no value. And the level, 0 or a rounding error.
+        chosen_often=chooses,  # how often in a row branches of f changed at once
+        # Two rows for each surface s = 0 of an event: the side, 1 if s >= level, 0 if s < level,
+        # STAYS if the state stays on the surface, `GAP` if s is NaN; and the level (`_side`).
         side=2 * surfaces,
         counts=actions,  # how often each event has acted
-        acted_at=surfaces,  # when each event at a surface has acted last
-        pause=surfaces,  # and how much later than the time before
-        # When each surface was crossed last; -infinity if the state has turned back there, or was
-        # beyond it by more than rounding.
+        acted_at=surfaces,  # when each event on a surface has acted last
+        pause=surfaces,  # time between the last two actions of each event on a surface
+        # When each surface was crossed last; -infinity if the action there led back, or if another
+        # action led across it by more than rounding.
         crossed_at=surfaces,
-        stop=acts,  # modulus of the next time of an event, infinity after the last
-        stop_which=acts,  # number of that event
-        stop_place=acts,  # the place of the time, an integer
-        at=acts,  # time of the last action; of actions that accumulate their limit
-        recorded=acts,  # crossings of surfaces where nothing acts
+        stop=acts,  # modulus of the next given time of an event, infinity after the last
+        stop_which=acts,  # number of the event at the time `stop`
+        stop_place=acts,  # place of the time `stop` in the list of given times, an integer
+        at=acts,  # time of the last action; the limit of these times if actions accumulate
+        recorded=acts,  # number of crossings that events have recorded without acting
         often=acts,  # how often in a row an event has acted again at once
         resting=acts,  # number of surfaces on which the state stays
-        actions=acts,  # since the last requested time
+        actions=acts,  # number of actions since the last requested time
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
-        longer=1,  # the largest factor between this length and the one after it
+        longer=1,  # largest factor from the length of a step to the length of the step after it
         next=1,  # modulus of the next requested time, infinity after the last
-        second=1,  # and of the requested time after it
+        second=1,  # modulus of the requested time after `next`
         state=1,  # a `LaneState`
         stiff=1,  # steps of an explicit lane that look stiff
         easy=1,  # steps in a row that do not look stiff
-        patience=1,  # how many stiff steps it takes to become implicit
-        trial=1,  # implicit steps that are left of the first ones
-        steps=1,  # that were taken
-        tries=1,  # steps, also refused steps, since the last requested time
+        patience=1,  # number of stiff steps after which a lane becomes implicit
+        trial=1,  # number of steps that are left of the trial of implicit steps
+        steps=1,  # number of accepted steps
+        tries=1,  # number of steps, also refused ones, since the last requested time
         watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
-        inner=1,  # length of a step that crosses no surface, in a search for one
-        outer=1,  # length of a step that crosses it, infinity without a search
+        inner=1,  # in a search for a surface: length of a step that does not cross it
+        outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
         weight=1,  # of the Illinois rule, see `event_location.SEARCH`
-        rounds=1,  # how many lengths the search has tried
+        rounds=1,  # number of lengths that a search for a surface has tried
         whole=1,  # length of the next step after a search
-        place=1,  # number of the next time, an integer
+        place=1,  # number of the next requested time, an integer
         trajectory=1,  # number of the trajectory, an integer
     )
 
@@ -100,67 +99,67 @@ def rows_of_work(integrator):
     of_ends, is_implicit = len(integrator.columns) * D, integrator.is_implicit
     has_slopes = chooses and f.branches.jumps and f.columns
     return _first_rows(
-        line=integrator.rows.size,  # rows of the trajectories
-        own=1,  # their numbers, integers
-        table=len(f.table),  # their tables, if each has one
+        line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`
+        own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
+        table=len(f.table),  # tables of the lanes, if each lane has its own
         start=D,  # a state inside a step
-        f=extended,  # f there, and its denominators of clocks
-        a=D,  # states of a column, and y_N after it
-        b=extended,  # another one, or f of it
-        f_last=extended,  # f(y_N)
+        f=extended,  # f at the state `start`, then denominators that may not change sign
+        a=D,  # a state of a column; after the last column its y_N
+        b=extended,  # a second state of a column, or f at the state in `a`
+        f_last=extended,  # f at y_N of the last column
         ends=of_ends,  # y_c - x at the ends of columns
-        # What shows false steps, of each explicit column or of all implicit ones.
+        # Sums that show false steps: one for each explicit column, or one for all implicit columns.
         apart=D if is_implicit else of_ends,
-        # States at the ends of the first three quarters of an explicit step, and f. Those of an
-        # implicit step are less x, and states of the last columns follow.
+        # States after the first three quarters of an explicit step, with f. In an implicit step:
+        # the states minus x, then the sums over columns that become these states.
         nodes=6 * D,
         beside=6 * extended,  # f at a point of the step, the point, and changes of f beside it
         new=D,  # the next state
-        f_new=extended,  # f there
+        f_new=extended,  # f at the next state, then denominators that may not change sign
         error=D,  # the estimated error of the step
         inverse=D,  # 1 / allowed error
         jacobian=f.entries + 1 if is_implicit else 0,  # entries of f', and s
-        factors=integrator.factors,  # of 1 - s f'
-        right=D,  # the right side, after the factors
-        of_end=integrator.factors,  # factors with f' at the end of a step
-        at_end=D if is_implicit else 0,  # the right side, after them
+        factors=integrator.factors,  # factors of 1 - s f'
+        right=D,  # right side of equations with `factors`; `solve` reads it behind them
+        of_end=integrator.factors,  # factors of 1 - s f' with f' at the end of a step
+        at_end=D if is_implicit else 0,  # right side of equations with `of_end`, behind them
         taken=1,  # length of this step
-        signed=1,  # the same with the sign of time
-        aside=1,  # 1 where it is a step aside
+        signed=1,  # length of this step, with the sign of time
+        aside=1,  # 1 where this step is a step aside
         accepted=1,  # 1 where the step is taken, else 0
         alerts=1,  # 1 where `growing_components` has to look at the step
         served=1,  # 1 where a step aside has reached its time, else 0
         t=1,  # time before the step
         at_surface=1,  # 1 where the step ends on a surface, or just before it, else 0
-        f_ends=1,  # 1 where f has no value beyond that surface, else 0
-        jumped=1,  # 1 where f may have jumped there
-        # Surfaces at the start and at POINTS, and inputs of `double_crossings`.
+        f_ends=1,  # 1 where f has no value beyond the surface at the end of the step, else 0
+        jumped=1,  # 1 where f may have jumped at the end of the step
+        # Values of surfaces at the start and at POINTS, then inputs of `double_crossings`.
         points=integrator.at_points + watched + 1,
-        point=watched,  # the state at such a point
-        quartic=of_x.D if watched else 0,  # what polynomials of degree 4 have there beside cubics
-        moving=2 * watched + 1,  # that state, how it changes in a step, and rtol, for rates
+        point=watched,  # the state at one of the POINTS
+        quartic=of_x.D if watched else 0,  # factors of degree 4 in states inside a step (`QUARTIC`)
+        moving=2 * watched + 1,  # inputs of `rates`: state at a point, its change in a step, rtol
         decision=3,  # results of `DoubleCrossings.decision`
-        end=2 * (watched + surfaces),  # the state, f there, and sides of events, for `aim`
+        end=2 * (watched + surfaces),  # inputs of `aim`: the next state, f there, sides of events
         aim=3,  # results of `step_to_surface.aim_of`
-        between=2 * integrator.surfaces,  # surfaces at two points, between which they are crossed
-        sides=2 * surfaces,  # what the row `side` of the trajectory holds
-        crossings=len(f.watch.results) if watched else 0,  # results of `watch` there
+        between=2 * integrator.surfaces,  # inputs of `watch`: values of surfaces at two points
+        sides=2 * surfaces,  # a copy of the row `side`, which `watch` reads behind `between`
+        crossings=len(f.watch.results) if watched else 0,  # results of `watch`
         changed=acts * D,  # what functions of events return
         before=acts * D,  # the state before an action
-        f_before=acts * D,  # f there
-        pair=acts * (4 * of_x.D + 1),  # a state and f there, and what columns need beside them
-        toward=OF_SURFACE * surfaces,  # `OF_SURFACE` numbers of surfaces of events at that state
-        ahead=OF_SURFACE * surfaces,  # the same a moment later
-        fired=surfaces,  # 1 if an event acts after a crossing upward at this instant, -1 downward
-        near=surfaces,  # |s|, up to which a state is on the surface
-        rate_before=surfaces,  # ds/dt before the event acts
+        f_before=acts * D,  # f before an action
+        pair=acts * (4 * of_x.D + 1),  # inputs of functions of events: states, rates, and `tau`
+        toward=OF_SURFACE * surfaces,  # numbers of each surface of events at the next state
+        ahead=OF_SURFACE * surfaces,  # numbers of each surface of events a moment after the step
+        fired=surfaces,  # 1 if an event has acted after a crossing upward, -1 downward, else 0
+        near=surfaces,  # the |s| up to which a state is on the surface s = 0
+        rate_before=surfaces,  # ds/dt before the event at s = 0 acts
         actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches are chosen
         chosen=len(of_x.branch_program.results) if chooses else 0,  # results of `branches`
-        derived=len(of_x.derived.results) if chooses else 0,  # numbers of the table, by branches
+        derived=len(of_x.derived.results) if chooses else 0,  # table values by branches
         f_old=chooses * of_x.D,  # f before a jump
-        slopes=len(of_x.slope_places) if has_slopes else 0,  # of surfaces where f jumps
-        gradient=of_x.D + f.q if has_slopes else 0,  # of a surface, for x and parameters
+        slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
+        gradient=of_x.D + f.q if has_slopes else 0,  # of a surface, by x and parameters
         tau=acts * D // of_x.D,  # how much earlier displaced solutions reach this instant
         lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
         scratch=max(each.scratch for each in integrator.functions.values())
@@ -169,7 +168,7 @@ def rows_of_work(integrator):
 
 
 def _first_rows(**sizes):
-    """Return the first rows of parts with these numbers of rows, one after the other."""
+    """Return the first row of each part, by name; `sizes` are the numbers of their rows."""
     return namedtuple("Rows", [*sizes, "size"])(*accumulate(sizes.values(), initial=0))
 
 

@@ -17,7 +17,7 @@ TABLE = "table"
 
 @functools.lru_cache(256)
 def code_of_program(f, name):
-    """Return code of the program `name` of f, "f" or "derivative", or of f's table.
+    """Return the code of a program of f; `name` is "f", "derivative", or TABLE for f's table.
 
     It reads the state (D,) and the table (n,), or for the table the parameters (P,), and writes the
     results behind them. The second value says how many numbers it needs behind the results.

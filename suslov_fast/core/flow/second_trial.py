@@ -97,10 +97,10 @@ def SECOND(
 
 
 def try_again(code, sums):
-    """Test steps with errors that may be rounding again, by larger allowed errors; return a dict.
+    """Test again, with larger allowed errors, steps whose errors may be rounding; return a dict.
 
-    It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has them before the trial,
-    see `find_errors`; lanes without a trial keep them.
+    It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has the values before the
+    trial, see `find_errors`; lanes without a trial keep these values.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]

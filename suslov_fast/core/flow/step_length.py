@@ -84,7 +84,7 @@ def _root(a):
 
 @scalar_kernel
 def BEGIN_COMPONENT(x, f, counts, size, rate, total):
-    """Update `size`, max |x|, `rate`, max |f|, `total`, sum |x| + |f|; clocks have `counts` 0."""
+    """Update `size` = max |x|, `rate` = max |f|, `total` = sum |x| + |f|; `counts` 0 is a clock."""
     size, rate = larger(abs(x) * counts, size), larger(abs(f) * counts, rate)
     return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
 
@@ -134,12 +134,12 @@ def NEAR(outer):
 
 @scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
-    """Return `taken`, the length of this step, or 0 if lanes use the other integrator, and `aside`.
+    """Return `taken`, the length of this step, `signed` (the length with `sign`), and `aside`.
 
-    `signed` is `taken` with the sign of time, `sign`. If `wanted` would pass the requested time
-    `next`, but not `second` after it, the step ends at `next`, and `aside` is 1. A length above
-    `reach`, a fraction, of the time left leads to `last`, also a length TINY at this time, where an
-    event has yet to act. `mode` is this integrator's `LaneState`.
+    Lanes that are not in the state `mode` use the other integrator; their length is 0. If `wanted`
+    would pass the requested time `next`, but not `second` after it, the step ends at `next`, and
+    `aside` is 1. If `wanted` is above the fraction `reach` of the time left, the step ends at
+    `last`. At `last`, where an event has yet to act, the length is TINY.
     """
     rest, to_next, to_second = larger(last - t, TINY), larger(next - t, TINY), second - t
     is_within = wanted < reach * rest

@@ -17,8 +17,8 @@ from ..llvm.text import Carried, Index, Shared
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
-# Operations of straight-line code: 20 us each to compile, 80 with optimisation. Steps take 2 to 4
-# times as long with runs, or with loops over banded matrices.
+# Most operations of straight-line code; each takes 20 us to compile, 80 with optimization. Steps
+# take 2 to 4 times as long with runs, or with loops over banded matrices.
 LONGEST = 20_000
 
 
@@ -76,8 +76,8 @@ class ProgramFunction:
     def add(self, text, name, for_each):
         """Add the function `name` to `text`, in blocks of operations.
 
-        LLVM's time grows with the square of a block. Each block reads its inputs again, and writes
-        each result as soon as it is computed. If `for_each` is True, each lane has a table.
+        LLVM's time grows with the square of a block's length. Each block reads its inputs again,
+        and writes each result as soon as it is computed. With `for_each` each lane has a table.
         """
         operations, rows, given = self.operations, defaultdict(list), []
         own = {number for _, number, _ in operations}
@@ -124,10 +124,10 @@ def _blocks(operations):
 
 
 def multiply(text, matrix, values, to):
-    """Write the product of a `DenseMatrix` and `values` to the `Array` `to`; rows follow for these.
+    """Write the product of a `DenseMatrix` and `values`, then the values, to the `Array` `to`.
 
-    One lane takes AT_ONCE rows of the matrix as lanes of vectors, other lanes take as many as
-    registers hold sums. An entry is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order.
+    A single lane takes AT_ONCE rows of the matrix at a time, in the lanes of vectors; several lanes
+    take as many rows as registers hold sums. An entry is 0 + a_i0 v_0 + a_i1 v_1 + ..., in order.
     """
     n, m = matrix.matrix.shape
     v = to.from_here(matrix.height)

@@ -47,10 +47,10 @@ class Stage:
         return Truth(self.text, self.values[self.step.good]).all()
 
     def take_rare(self):
-        """Add the rare operations; return (next state, accurate, its bits, signs).
+        """Add operations that few steps need; return (next state, `accurate`, its bits, `signs`).
 
-        `accurate` has a truth value for each lane: x_next is accurate. Bits of `signs` are lanes
-        with det A < 0, and from bit CHANGED on lanes in which a component changed its sign.
+        `accurate` is true in lanes with an accurate x_next. Bits of `signs` from 0 on mark lanes
+        with det A < 0, and bits from CHANGED on lanes where a component changed its sign.
         """
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)

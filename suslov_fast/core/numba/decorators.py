@@ -368,7 +368,7 @@ def _loop(call_part, kernel, data, parts):
 @functools.partial(_cached, numba.njit(**_OPTIONS))
 def _start(loop, kernel, parts, arguments):
     call_part, data = pack(arguments)
-    # Call the loop by its address, because only loading the loop itself starts its threads.
+    # Call the loop by its address: compiled code that contains the loop starts threads when loaded.
     call_address(loop, call_part, kernel, data, parts)
 
 

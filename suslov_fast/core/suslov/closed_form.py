@@ -227,10 +227,10 @@ def fill_orbit(b, l, is_map):
 
 @formula
 def rate(passes, L, r, is_map):
-    """Return log|r| of an orbit from one steady state to another, else the angle a of a step.
+    """Return the rate of an orbit per step: log|r| if `passes` is positive, else the angle a.
 
-    `passes` is positive for the former. r is (1 - L) / (1 + L), and tan(a) = L = e root. If L > 1,
-    the result is a - pi / 2. For the flow the results are -2 L and L.
+    Then it goes from one steady state to another, with r = (1 - L) / (1 + L); else tan(a) = L,
+    and L = e root. If L > 1, the result is a - pi / 2. For the flow the results are -2 L and L.
     """
     if is_map == 0.0:
         return -2.0 * L if passes > 0.0 else L

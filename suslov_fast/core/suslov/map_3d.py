@@ -37,8 +37,8 @@ RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough di
 class Frame(NamedTuple):
     """Constants of a body and eps that convert states (w1, w2) to the variables X and Y, and back.
 
-    With u = w1 and v = w2 / back, X = a1 u + a2 v + K and Y = a2 u - a1 v. Without a rotor
-    u = m1 X + m2 Y and v = m2 X - m1 Y.
+    With u = w1 and v = w2 / `back`, X = a1 u + a2 v + K and Y = a2 u - a1 v. Without a rotor
+    u = m1 X + m2 Y and v = m2 X - m1 Y. Coefficients are fields.
     """
 
     e: float  # eps / (2 sqrt(I1 I2))

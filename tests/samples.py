@@ -23,6 +23,13 @@ def random_with_I3(rng, shape):
     return Suslov3D(moments[0], moments[1], products[0], products[1], I3=I3)
 
 
+def random_inertia(rng, shape=()):
+    """Return tensors of inertia in three dimensions."""
+    root = rng.normal(size=(*shape, 3, 3))
+    matter = root @ root.swapaxes(-2, -1) + 0.1 * np.eye(3)
+    return np.trace(matter, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - matter
+
+
 def random_nd(rng, shape, m=4, equal=False):
     """Return bodies in n = m + 1 dimensions; with `equal`, all J of a body are equal."""
     J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))

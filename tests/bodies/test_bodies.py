@@ -5,17 +5,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from samples import random_inertia
 
 from suslov_fast import Suslov3D, SuslovND, equilibria, flow, iterate, kahan
 
 GYROSTAT = Suslov3D(2.3, 1.4, 0.5, -0.7, 0.9)
 SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), GYROSTAT]
-
-
-def random_inertia(rng, shape=()):
-    root = rng.normal(size=(*shape, 3, 3))
-    matter = root @ root.swapaxes(-2, -1) + 0.1 * np.eye(3)
-    return np.trace(matter, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - matter
 
 
 def adapted(rotation, inertia):

@@ -7,7 +7,7 @@ import naive
 import numpy as np
 import pytest
 from promises import ROWS
-from samples import quantity
+from samples import quantity, random_inertia
 from systems import HENON_HEILES
 
 import suslov_fast as sf
@@ -311,14 +311,8 @@ def test_poles_are_counted(rng, name, m):
 
 
 # ------------------------------------------------------------- momenta as vectors and matrices
-def inertia(rng, n=3):
-    """Tensors of a few point masses: inertia, and second moments."""
-    points = rng.normal(size=(6, n))
-    return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
-
-
 def test_momentum_by_definition(rng):
-    tensor, _ = inertia(rng)
+    tensor = random_inertia(rng)
     axis = rng.normal(size=3)
     body = sf.Suslov3D.from_inertia(tensor, axis)
     rotation = body.rotation
@@ -330,7 +324,8 @@ def test_momentum_by_definition(rng):
     np.testing.assert_allclose(M, tensor @ omega, atol=1e-12)
     np.testing.assert_allclose(body.energy(state), 0.5 * omega @ tensor @ omega, rtol=1e-13)
     for n in (2, 3, 5):
-        _, mass = inertia(rng, n)
+        root = rng.normal(size=(n, n))
+        mass = root @ root.T
         axis = rng.normal(size=n)
         axis /= np.linalg.norm(axis)
         body = sf.SuslovND.from_mass_tensor(mass, axis)

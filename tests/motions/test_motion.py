@@ -1,7 +1,6 @@
 """`flow`: the motion at given times, and its result, `Motion`."""
 
 import inspect
-import pickle
 from dataclasses import fields
 
 import mpmath
@@ -102,19 +101,6 @@ def test_populations_stay_positive(rtol):
 
 
 # -------------------------------------------------------------------------- clocks, jumps, max_step
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
-def test_a_drive_that_is_on_for_a_while(rtol):
-    """Also of one hour in thirty, at the default lengths of steps."""
-
-    def on(t, first, last, width):
-        return (np.tanh((t - first) / width) - np.tanh((t - last) / width)) / 2
-
-    slow = Field(lambda s: (1.0, -0.3 * s[1] + on(s[0], 5, 20, 0.01)), "t y")
-    assert at(slow, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(0.16411389, abs=10 * rtol)
-    dose = Field(lambda s: (1.0, -0.5 * s[1] + 100 * on(s[0], 24, 25, 0.01)), "t c")
-    assert at(dose, [0.0, 0.0], 30.0, rtol=rtol)[1] == pytest.approx(6.45965246, abs=100 * rtol)
-
-
 def test_max_step_finds_pulses():
     """A pulse of 0.01 in a time of 100; its area is 1."""
     pulse = Field(
@@ -275,16 +261,6 @@ def test_a_parameter_that_changes_at_each_call():
     family = at(decay.with_parameters(a=a), [1.0], 1.5)
     np.testing.assert_array_equal(each, family)
     np.testing.assert_allclose(family[:, 0], np.exp(-1.5 * np.exp(-a / 2.0)), rtol=1e-8)
-
-
-def test_events_that_are_copied_before_they_are_read():
-    ball = Field(lambda x: (x[1], -1.0), "h v")
-    bounce = sf.Event("h", direction=-1, to=("h", "-v/2"))
-    motion, other = (flow(ball, [1.0, 0.0], time=2.0, events=bounce) for _ in range(2))
-    copy = pickle.loads(pickle.dumps(motion))
-    np.testing.assert_allclose(copy.events.time, [np.sqrt(2.0)], rtol=1e-12)
-    assert copy == other
-    assert not copy.events.states.flags.writeable
 
 
 def test_settings_and_columns_of_the_engine_are_everywhere():

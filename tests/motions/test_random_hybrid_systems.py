@@ -104,13 +104,8 @@ class System:
                             low = middle
                     firsts.append((high, k))
                 length, k = min(firsts)
-                z, t, sides[k] = expm(M * length) @ z, t + length, not sides[k]
-                way = self.surfaces[k][2]
-                if way == 0 or (way > 0) == sides[k]:
-                    found.append((t, k))
-                    z = moved(z, self.surfaces[k][3])
-                    sides[k] = above(z, k)
-                    z = cascade(cascade(z, k + 1), 0)
+                t += length
+                z = cascade(expm(M * length) @ z, k)
                 continue
             z, t = following, t + step
             if stops and t >= stops[0][0] - 1e-15:

@@ -1,4 +1,4 @@
-"""Results in files and datasets, by the table of their columns."""
+"""Results in files, datasets and tables of pandas."""
 
 import contextlib
 import errno
@@ -114,11 +114,11 @@ OF_EACH_KIND = {
 
 @pytest.mark.parametrize("kind", OF_EACH_KIND)
 def test_results_and_their_copies_are_equal_and_read_only(kind, path):
-    """In-place arithmetic fails before it changes a number."""
+    """Copies are made before events are read; arithmetic in place changes no number."""
     result = OF_EACH_KIND[kind]()
+    copies = pickle.loads(pickle.dumps(result)), deepcopy(result), replace(result)
     result.save(path)
-    copies = pickle.loads(pickle.dumps(result)), deepcopy(result), replace(result), sf.load(path)
-    for each in (result, *copies):
+    for each in (*copies, result, sf.load(path)):
         assert (type(each), each) == (type(result), result)
         values = [getattr(each, name) for name in dir(each) if not name.startswith("_")]
         arrays = [value for value in values if isinstance(value, np.ndarray)]
@@ -219,3 +219,39 @@ def test_columns_of_orientations(tmp_path):
         assert found == {c.name for c in schema.RUN if turns or c.when != "turns"}
         assert ("attitude" in run.to_xarray()) == turns
         assert sf.load(tmp_path / "run.npz") == run
+
+
+# ---------------------------------------------------------------------------- tables of pandas
+FAMILY = sf.Field(lambda x, k: (x[1], -k * x[0]), "q v", k=[1.0, 4.0])
+PAIR = [[1.0, 0.0], [0.0, 2.0]]
+TABLES = {
+    "map": lambda: sf.iterate(FAMILY, PAIR, [0.1, 0.2], 30, save_every=10),
+    "motion": lambda: sf.flow(FAMILY, PAIR, time=[0.5, 1.0, 2.0]),
+    "crossings": lambda: sf.crossings(FAMILY, PAIR, surface="q", time=9.0),
+    "one": lambda: sf.flow(FAMILY[0], [1.0, 0.0], time=[0.0, 1.0]),
+    "body": lambda: sf.iterate(sf.Suslov3D(4, [1, 2], -0.5, -0.3), [1.0, 0.5], 0.1, 3),
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_tables_have_a_row_for_each_state(kind):
+    result = TABLES[kind]()
+    table = result.to_dataframe()
+    labels = [*result.names]
+    assert table.shape[0] == result.states[..., 0].size
+    assert [*table.columns[-2:]] == labels
+    if kind == "crossings":
+        np.testing.assert_array_equal(table[labels], result.states)
+        np.testing.assert_array_equal(table.k, np.array([1.0, 4.0])[result.trajectory])
+        return
+    for number, rows in table.groupby("trajectory") if kind != "one" else [(0, table)]:
+        of_one = ... if kind == "one" else (slice(None), number)
+        np.testing.assert_array_equal(rows[labels], result.states[of_one])
+        times = np.reshape(result.time, (len(result.states), -1))
+        np.testing.assert_array_equal(rows.time, times[:, number % times.shape[1]])
+    columns = {
+        "map": ["n", "time", "k", "eps"],
+        "motion": ["time", "k"],
+        "body": ["n", "time", "I2"],
+    }
+    assert [*table.columns[:-2]] == ["trajectory", *columns[kind]] if kind in columns else ["time"]

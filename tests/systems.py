@@ -55,8 +55,12 @@ def kepler(s):
 
 
 def chain(x):
-    """Volterra's, of five."""
-    return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
+    """Volterra's, closed."""
+    return [x[i] * (x[(i + 1) % len(x)] - x[i - 1]) for i in range(len(x))]
+
+
+def lorenz_96(x):
+    return [x[i - 1] * (x[(i + 1) % len(x)] - x[i - 2]) - x[i] + 8 for i in range(len(x))]
 
 
 def euler(x):

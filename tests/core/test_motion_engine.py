@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from steps_in_numpy import attempts, explicit_step, implicit_step
-from systems import LORENZ, SPRING, rates_of_henon_heiles, robertson
+from systems import LORENZ, SPRING, lorenz_96, rates_of_henon_heiles, robertson
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions import numpy_evaluation
@@ -19,11 +19,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning"
 
 def van_der_pol(s):
     return s[1], 1000 * (1 - s[0] ** 2) * s[1] - s[0]
-
-
-def lattice(s):
-    D = len(s)
-    return [s[i - 1] * (s[(i + 1) % D] - s[i - 2]) - s[i] + 8.0 for i in range(D)]
 
 
 def pairs(s):
@@ -66,8 +61,8 @@ CASES = {
         lambda s: (s[0] / (s[1] - 1.5), 1.0), [[1.0, 0.0], [1.0, 2.0], [1.0, 1.48]], 2),
     "driven from rest": (
         lambda s: (s[1], np.sin(s[2]) - s[0], 1.0), [[0.0, 0.0, 0.0], [0.3, 0.1, 1.0]], 20),
-    "large lattice": (lattice, 8.0 + random(1, 2, 60), 0.5),
-    "lattice": (lattice, 8.0 + random(1, 3, 20), 1),
+    "large lattice": (lorenz_96, 8.0 + random(1, 2, 60), 0.5),
+    "lattice": (lorenz_96, 8.0 + random(1, 3, 20), 1),
     "jumps": (SPRING, TWO, 3),
     "kinks": (KINKS, TWO, 3),
     "table": (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
-from systems import lorenz, rates_of_henon_heiles
+from systems import chain, lorenz, rates_of_henon_heiles
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
@@ -27,10 +27,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning"
 
 def lotka_volterra(x):
     return x[0] - x[0] * x[1], x[0] * x[1] - x[1]
-
-
-def chain(x):
-    return [x[i] * (x[(i + 1) % 6] - x[i - 1]) for i in range(6)]
 
 
 def square(x):

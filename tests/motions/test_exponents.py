@@ -7,7 +7,7 @@ import naive
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from systems import LORENZ, exponents_by_qr, lorenz, rubbing
+from systems import LORENZ, exponents_by_qr, lorenz, lorenz_96, rubbing
 
 import suslov_fast as sf
 from suslov_fast.maps import derivatives
@@ -115,13 +115,6 @@ def test_the_sum_is_that_of_determinants(start, eps, steps):
     assert abs(total * abs(eps) * steps - float(sum(logs))) < max(3e-11 * modulus, 1e-15 * steps)
 
 
-def ring(D):
-    def f(x):
-        return [x[k - 1] * (x[(k + 1) % D] - x[k - 2]) - x[k] + 8 for k in range(D)]
-
-    return sf.Field(f, D)
-
-
 def everything(D):
     """All products in most equations, as of a Galerkin system: more than a list is made for."""
     products = np.random.default_rng(8).normal(size=(D, D, D)) / D
@@ -132,7 +125,7 @@ def everything(D):
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "field",
-    [ring(17), pytest.param(everything(44), marks=pytest.mark.slow)],
+    [sf.Field(lorenz_96, 17), pytest.param(everything(44), marks=pytest.mark.slow)],
     ids=["ring", "everything"],
 )
 def test_many_variables(rng, monkeypatch, field):

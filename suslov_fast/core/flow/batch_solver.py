@@ -28,7 +28,7 @@ BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
-# Rows of trajectories that results have as columns, with the types of these.
+# Names and types of the rows of trajectories that results have as columns.
 COLUMNS = {"steps": np.int64}
 
 integrator_of = functools.lru_cache(64)(Integrator)
@@ -51,7 +51,7 @@ def closer(settings):
 class SolverRequest(NamedTuple):
     """What a call of the engine asks for: times, settings, threads, limits of crossings."""
 
-    times: Any  # (n,), moduli, ascending; `flow` also has them in any order
+    times: Any  # (n,), moduli in ascending order
     sign: int  # -1 backwards in time, else 1
     settings: Settings
     threads: int | None = None
@@ -106,13 +106,13 @@ def set_times(numbers, integrator, settings, times):
 
 
 def code_of(integrator, W, for_each):
-    """Return the `Address` of code for W lanes; if `for_each` is True, each has its own table."""
-    # Level 1 is as fast as level 2, in a half to a fifth of LLVM's time.
+    """Return the `Address` of code for W lanes; with `for_each` each lane has its own table."""
+    # LLVM's level 1 gives code as fast as level 2, and takes a half to a fifth of the time.
     if (W, for_each) not in integrator.codes:
         key = "motion", integrator.key, W, for_each
         text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
         integrator.codes[W, for_each] = code = compiled(key, text_of, 1)
-        if integrator.f.products:  # the code reads their entries
+        if integrator.f.products:  # the code reads the entries of their matrices
             vars(code).setdefault("functions", integrator.functions)
     return integrator.codes[W, for_each]
 
@@ -135,7 +135,7 @@ class EventTimes:
 
     @cached_property
     def array(self):
-        """Pairs (time, event), shape (rows, n + 1, 2); and the most events that share one time."""
+        """Pairs (time, event), shape (rows, n + 1, 2), and the largest number of equal times."""
         rows, n = self.times.shape
         found = np.full((rows, n + 1, 2), np.inf)
         found[:, :-1, 0], found[..., 1] = self.times, 0.0
@@ -150,9 +150,9 @@ NO_EVENT_TIMES = EventTimes(np.empty((1, 0)), np.empty((1, 0)))
 
 
 def counted_from_start(f, table, x0):
-    """Move start values of clocks from states x0 (B, D) to f's `table`: these clocks begin at 0.
+    """Move start values of clocks from x0 (B, D) to the `table` of f, so that clocks begin at 0.
 
-    Return the table, x0, and the start values (B, clocks), or None in their place if all are 0.
+    Return (table, x0, starts); `starts` (B, clocks) are the start values, or None if all are 0.
     """
     if not f.offsets:
         return table, x0, None
@@ -160,8 +160,8 @@ def counted_from_start(f, table, x0):
     if not np.count_nonzero(starts):
         return table, x0, None
     own, x0 = f.of, x0.copy()
-    count = own.P if f.branches is None else f.branches.P  # after them there are branches
-    if f is own and len(x0) == 1:  # NumPy takes ten times as long
+    count = own.P if f.branches is None else f.branches.P  # branches have the places after these
+    if f is own and len(x0) == 1:  # NumPy would take ten times as long
         given = np.zeros(own.P)
         given[:count] = table.ravel()[:count]
         for clock, number in f.offsets.items():
@@ -234,7 +234,7 @@ class BatchSolver:
         return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol, self.is_relative)
 
     def run(self, threads=1, begun=None):
-        """Take all steps; go on from `begun`, if given: (rows, table, records) of a small batch.
+        """Take all steps, from the start or from `begun`: (rows, table, records) of a small batch.
 
         `report` is called in this thread from time to time; if it returns False, the steps end.
         """
@@ -317,11 +317,11 @@ class BatchSolver:
                     abandoned.append(True)
             if is_done:
                 break
-        if self.f.branches:  # the code has written them to the tables of trajectories
+        if self.f.branches:  # the code has written branches to the tables of trajectories
             self.table[which] = runner.table
 
     def _runner(self, integrator, rows, which, W):
-        """Return the `StepRunner` of trajectories `which` with `rows`; it has copies of tables."""
+        """Return the `StepRunner` of trajectories `which` with `rows`; it copies the tables."""
         table = self.table.copy() if self.table.ndim == 1 else self.table[which]
         table = np.ascontiguousarray(table)
         runner = StepRunner(integrator, W, rows, table, self.numbers, self.components)
@@ -345,7 +345,7 @@ class StepRunner:
             table_bytes=table.strides[0], work=0, numbers=numbers.buffer_info()[0],
             components=address_of(components),
         ))  # fmt: skip
-        # The arguments point to all of these.
+        # The arguments hold the addresses of all these arrays.
         self.rows, self.table, self.numbers, self.components = rows, table, numbers, components
         self.at, self.records, self.known = self.arguments.buffer_info()[0], None, {}
         self.use(integrator)
@@ -371,7 +371,7 @@ class StepRunner:
         `equal` is the largest number of events at one time.
         """
         f, arguments, self.records = self.integrator.f, self.arguments, records
-        # In all lanes before there is a pause: a trajectory may begin and take a step.
+        # Twice, because before the code can pause, a trajectory may begin and take a step.
         at_once = 2 * most_records(f.events, equal) * self.W
         full = 4 * arguments[SLOT.count] + 512 * self.W
         self.buffer = np.empty((full + at_once, size_of(f)))
@@ -385,7 +385,7 @@ class StepRunner:
         arguments = self.arguments
         arguments[SLOT.budget] = self.budget
         is_done = self.call(self.at)
-        if is_done:  # the next ones begin
+        if is_done:  # the next call begins with the first trajectory
             arguments[SLOT.following] = 0
         if self.records is not None and (count := arguments[SLOT.recorded]):
             self.records.append(self.buffer[:count].copy())

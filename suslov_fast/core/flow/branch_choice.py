@@ -25,12 +25,12 @@ from .codegen import StepCode
 from .memory import LaneState
 from .scalar_kernels import AT_ONCE, scalar_kernel
 
-_BEFORE = 2  # results of `branches` before the branches
+_BEFORE = 2  # number of results of `branches` that precede the branches
 
 BACK_AND_FORTH = 12.0  # a solution that changes its branches this often at once slides
-EARLY = 2.0**-12  # part of the last time, which times of changes count as at least
-# Parts of the time. If a solution ends before a surface, the surface lies within NEAREST or AHEAD.
-# If it ends so again within AGAIN, that counts as a change at once.
+EARLY = 2.0**-12  # part of the last time: times of changes count as this part at least
+# Parts of the time. If a solution ends just before a surface, the surface is sought within NEAREST,
+# then up to AHEAD. If the solution ends so again within AGAIN, that counts as a change at once.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
@@ -65,9 +65,9 @@ def LOOK_AHEAD(t, last, part, sign):
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
     """Return the rows of a trajectory that continues at the time t + ahead, beyond a surface.
 
-    It does not pass `stop`, an event's next given time; `signed` is its time from t, with `sign`.
-    The state is SLIDING after BACK_AND_FORTH changes in a row, each within AGAIN t of the last
-    one; else it is `first_state`, running, or DONE at the time `last`.
+    The time does not pass `stop`, the next given time of an event; `signed` is the time from t to
+    there, with `sign`. After BACK_AND_FORTH changes in a row, each within AGAIN * t of the change
+    before, `state` is SLIDING; at the time `last` it is DONE, and otherwise `first_state`.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
@@ -89,7 +89,7 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
 def TRACE(before, after, jumps, u):
     """Return `change`, the jump of the integral of u trace f' where f `jumps` at a surface s = 0.
 
-    It is u log|after / before|, of grad s . f on both sides of the surface, or 0 if `jumps` is 0.
+    It is u log|after / before|, with grad s . f on both sides of the surface; 0 if `jumps` is 0.
     """
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
@@ -117,7 +117,7 @@ def add_branches(text, integrator, name, for_each):
 def update_branches(code, truth, by_motion=False):
     """Choose all branches of f at the new state, in lanes where `truth` is true.
 
-    Only a solution that moved there (`by_motion`) is beyond a surface that it just meets.
+    A solution that just meets a surface is beyond it only if it moved there (`by_motion`).
     """
     branches = code.f.branches
     if branches.joins and not by_motion:
@@ -141,7 +141,7 @@ def choose(code):
 def renew(code):
     """Choose new branches where f has jumped, and where solutions have ended just before a surface.
 
-    There f has no value with the old branches; solutions continue beyond with the new branches.
+    Beyond such a surface f has a value only with the new branches, and solutions continue.
     """
     text, line, work = code.text, code.line, code.work
     if code.f.branches.jumps:
@@ -175,7 +175,7 @@ def _jump(code, jumped):
     with code.text.when(back.any(), likely=False):
         for i in code.text.each(code.integrator.watched):
             line.beyond.choose(back, i, work.start[i])
-        # This starts a search for a surface within that time, see `event_location`.
+        # This starts a search for a surface within the time `ahead`, see `event_location`.
         search = {"whole": line.wanted[0], "wanted": ahead["ahead"], "outer": ahead["ahead"]}
         code.keep(line, search | {"inner": 0.0, "weight": 0.0, "rounds": 0.0}, back)
 
@@ -205,7 +205,7 @@ def _choose(code, truth, acted):
 
 
 def _change_columns(code, truth):
-    """Add (f_new - f_old) tau to columns in lanes `truth`: for them f jumps a time tau earlier."""
+    """Add (f_new - f_old) tau to columns in lanes `truth`: displaced solutions jump tau earlier."""
     text, work, f, block = code.text, code.work, code.f, code.f.of
     D, gradient = block.D, work.gradient
     for j in text.each(D + f.q):
@@ -282,8 +282,8 @@ def _go_on(code, ended):
 def _put_choices(code, truth, kinds, rows, place):
     """Write branches of surfaces to f's table from `place` on, in lanes where `truth` is true.
 
-    `kinds` are comparisons, "floor" and `Table`s, and `rows` are their branches. The row of a
-    `Table` is its argument, and the interval that holds it goes to f's table.
+    `kinds` are comparisons, "floor" and `Table`s, and `rows` are their branches. A row of a `Table`
+    is an argument of it; the interval that contains the argument goes to f's table.
     """
     text, f, branches = code.text, code.f.of, code.f.of.branches
     first = len(branches.kinds) - len(kinds)
@@ -297,7 +297,7 @@ def _put_choices(code, truth, kinds, rows, place):
                 chosen.choose(truth, n, numbers[n])
             place += len(group)
             continue
-        for k, kind in group:  # of p + q, where q is the shift
+        for k, kind in group:  # the argument is p + q with the shift q
             _put_interval(code, kind, truth.bits(), rows.after(k), place, places.get(first + k))
             place += Table.ROWS
 

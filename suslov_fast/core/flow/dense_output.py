@@ -22,11 +22,11 @@ from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
 from .weights import EXPLICIT, ORDER, weights
 
-# The defect of the polynomial at both TESTS, as parts of a quarter, times OF_DEFECT is
-# its largest error. FEW columns reach its nodes, or one more where the error of FEW over the whole
-# step is above OF_FEW times the allowed one. A time within AT_END of a step is its end.
+# The largest error of the polynomial is OF_DEFECT times its defect at the points v of TESTS. FEW
+# columns give its nodes, or one more column, if the error of FEW over the whole step is above
+# OF_FEW times the allowed error. A time within the part AT_END of a step from its end is the end.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
-# Of FEW columns, and of one more; 0 of the others.
+# Weights of FEW columns, and of one more; other columns have the weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
 _NODES = range(5)
 _SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
@@ -34,9 +34,9 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 
 
 def weights_at(v):
-    """Return the weights in p(v) - x: a list for x_j - x, j = 1 ... 4, and one for h / 4 f(x_j).
+    """Return the weights in p(v) - x: of x_j - x, j = 1 ... 4, and of h / 4 f(x_j), j = 0 ... 4.
 
-    p interpolates states x_j and rates f(x_j) after j = 0 ... 4 quarters of a step, where v = j.
+    p interpolates states x_j and rates f(x_j) after j quarters of a step, where v = j.
     """
     of_states, of_rates = [], []
     for j in _NODES:
@@ -131,7 +131,7 @@ def _find_nodes(code):
         node = work.nodes.after(2 * k * D)
         for i in text.each(D):
             ends = code.of_columns(work.ends, i)[: FEW + 1]
-            ends[FEW] = needs.select(ends[FEW], 0.0)  # it may not be there
+            ends[FEW] = needs.select(ends[FEW], 0.0)  # the end of this column may not be there
             node[i] = x[i] + weighted(factors, ends)
         code.call("f", node, code.table, work.f)
         x, f = node, node.after(D)

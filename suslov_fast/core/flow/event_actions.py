@@ -28,11 +28,11 @@ from .step_length import AT_FIRST, first_length, sizes_of
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
-LOW = 2.0**-44  # part of the terms of a sum: a low value
-SOON = 2.0**-20  # part of the time, in which s changes by its rounding unless its rate is rounding
+LOW = 2.0**-44  # part of the terms of a sum, up to which its value is low
+SOON = 2.0**-20  # part of the time; a rate is slow if it changes s by less than rounding within it
 LEAST = 2.0**-1074  # the least positive number
 MOMENT = 2.0**-16  # part of the last step, over which the change of rates is measured
-STAYS = 0.25  # in place of a side
+STAYS = 0.25  # in place of the side of a state that stays on the surface
 FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the step before
 
 
@@ -46,8 +46,8 @@ def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
 
     `side` is 1 above, 0 below, GAP where s is NaN. A state is also on the surface if |s| is
-    rounding, or at most |ds/dt| times NEARLY the time. Its side is where the rate leads, and the
-    level moves, so that s lies on this side. If the rate is rounding, the side is STAYS.
+    rounding, or at most |ds/dt| * NEARLY * t. Then its side is where the rate leads, and the level
+    moves, so that s lies on this side; if the rate is rounding, the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
     is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
@@ -95,14 +95,14 @@ def CROSSED(
     value, rate, size, rate_size, near, side, level, crossed_at, is_here, by_motion, holds, t, last,
     sign, accepted, f_ends,
 ):  # fmt: skip
-    """Return whether a state crossed a surface `up` or `down`; update `side` and its other rows.
+    """Return whether a state crossed a surface `up` or `down`; update the rows of the surface.
 
     A crossing is a change of the side between 1 and 0, where events may act (`is_here` is 1). On
-    the surface the rate decides (`_side`); if it is rounding, the side remains, unless the step led
-    across (`by_motion` is 1). The own action of an event that `holds` states leaves them above,
-    until s is below the level. A state that crossed the surface at the time `crossed_at`, and was
-    not beyond it by more than rounding, does not cross it back. `near` becomes 2 |s| at least. The
-    last time of the run is `last`.
+    the surface the rate decides (`_side`). If the rate is rounding, the side remains, unless the
+    step led across (`by_motion` is 1). An event that `holds` states leaves them above, until s is
+    below the level. A state that crossed the surface at `crossed_at`, and was beyond it by rounding
+    alone, does not cross back at once. On the surface `near` becomes 2 |s| at least. The last time
+    of the run is `last`.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
@@ -137,15 +137,15 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
     pause, more, limit, sign,
 ):  # fmt: skip
-    """Return `more`, above 0 if an action comes again at once, and `limit`, the time when it rests.
+    """Return `more`, above 0 if an action comes again at once, and `limit`, when the state rests.
 
     A state that an action at s = 0 turns back is away for 2 |r / a|, with r = ds/dt and a = dr/dt.
     It rises by r**2 / (2 |a|). Let the action reduce r by the factor q. If the state returns at
     once, or stays LOW, it is at rest after 2 |r / a| / (1 - q). For other states the time since the
     last action counts, and the limit is Aitken's. `fired` is 1 or -1 if an event acts after a
-    crossing up or down, else 0. `rate_before` is ds/dt before the action, `later` a MOMENT later.
-    `taken` is the length, `wanted` the next one. `acted_at` is the time of the last action, `pause`
-    the gap before it; both are updated.
+    crossing up or down, else 0. `rate_before` is ds/dt before the action, `later` is ds/dt a MOMENT
+    later. `taken` and `wanted` are the lengths of this step and of the next. `acted_at` is the time
+    of the last action, and `pause` the time before it; both are updated.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -171,11 +171,10 @@ def AGAIN(
 
 @scalar_kernel
 def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest):
-    """Return `wanted`, or a first length, of the change `part`, if this is longer.
+    """Return `wanted`, or a first length for the relative change `part`, if that is longer.
 
-    `size` is max |x_i|. Let `rate`, max |f_i|, be FASTER times `rate_before`, at the beginning of
-    the step. Then `wanted` counts as at most a first length for a state as large as the `largest`
-    so far.
+    `size` is max |x_i|. If `rate`, max |f_i|, is above FASTER times its value `rate_before` at the
+    beginning of the step, `wanted` is at most a first length for a state of the size `largest`.
     """
     guess = first_length(size, rate, part, last)
     of_largest = first_length(larger(size, largest), rate, part, last)
@@ -188,8 +187,8 @@ def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, l
 def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
     """Return `state`, `often`, and the time `at` of actions, or the `limit` where they accumulate.
 
-    They accumulate if they are `endless` at one instant, or if `often` + `more` in a row,
-    ACTIONS_AT_ONCE, come at once. `most` bounds `actions`, and `total` is finite if f is.
+    They accumulate if they are `endless` at one instant, or if `often` + `more`, the number in a
+    row at once, reaches ACTIONS_AT_ONCE. `most` bounds `actions`; `total` is finite if f is.
     """
     often_now = (more > 0.0).select(often + more, 0.0)
     piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)
@@ -215,7 +214,7 @@ def add_actions(text, integrator, name, for_each):
         work, events = code.work, integrator.events
         is_there, is_at_stop = _is_there(code), _is_at_stop(code)
         work.actions_now[0] = 0.0
-        for i in text.each(code.D):  # before an action
+        for i in text.each(code.D):  # the largest moduli include states before an action
             code.keep_largest(is_there, i, work.new[i])
         for c in text.each(code.f.columns):
             work.tau[c] = 0.0
@@ -262,7 +261,7 @@ def _is_at_stop(code):
 
 
 def _is_running(code):
-    """Return in which lanes no event has ended the trajectory, which also ends the instant."""
+    """Return in which lanes no event has ended the trajectory; after its end no event acts."""
     return ~code.line.state[0].equals(float(LaneState.STOPPED))
 
 
@@ -289,7 +288,7 @@ def _look_at_end(code):
 
 
 def _look_a_moment_later(code):
-    """Write the numbers of surfaces at MOMENT * step length after the step to the row `ahead`."""
+    """Write the numbers of each surface to the row `ahead`, at MOMENT * length after the step."""
     work = code.work
     signed = code.number("sign") * (MOMENT * work.taken[0])
     for i in code.text.each(code.D):
@@ -323,10 +322,10 @@ def _most(events):
 
 
 def most_records(events, equal):
-    """Return how many records a trajectory may add at one instant; `equal` given times are equal.
+    """Return how many records a trajectory may add at one instant, with `equal` equal given times.
 
-    Events on surfaces act in rounds, and an event acts in all rounds but the last. Events that only
-    record may do so in each.
+    Events on surfaces act in rounds; in each round but the last some event acts. Events that only
+    record may do so in every round.
     """
     recorders = sum(map(events.only_records, range(events.surfaces)))
     if recorders == events.surfaces:
@@ -475,7 +474,8 @@ def _take_columns(code, k, truth, by_motion, before, f_before):
 
     A solution displaced by dx times the column reaches event k a time tau dx earlier. tau is found
     in lanes `by_motion`, see `_act`; if another action caused the event, both have the same tau.
-    Columns change if the action changes the state, which was `before` with f = `f_before`.
+    Columns change if the action changes the state; `before` and `f_before` are the state and f
+    before the action.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     for c in range(f.columns):
@@ -511,7 +511,7 @@ def _go_on(code, at_given_time, again):
     """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
     line, work, branches = code.line, code.work, code.f.branches
     sums = sizes_of(code, work.new, work.f_new)
-    before = sizes_of(code, line.largest, line.f)  # f where the step began
+    before = sizes_of(code, line.largest, line.f)  # `line.f` is f where the step began
     endless = (work.actions_now[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     is_changed = at_given_time | (work.actions_now[0] > 0.0)
     if branches and branches.jumps:

@@ -29,17 +29,17 @@ from .memory import LaneState
 from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
-PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # of a surface: part of the time, and of all the time
-HIDDEN_FROM = 2.0**-20  # part of the time, below which no step hides crossings
+PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: part of t, and of the last time
+HIDDEN_FROM = 2.0**-20  # part of the last time; no shorter step hides crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
-# The longest step after one to a surface, relative to that step and to the step that crossed it:
-# the next surface may be as near. With 64 x" = -sign(x) to 1e5 takes 9 tries a jump, 12 without;
-# 6,000 random knots take 1 % more, with 8 as much as 8 %.
+# The longest step after a step to a surface, relative to that step and to the step that crossed the
+# surface: the next surface may be as near. With 64 the equation x" = -sign(x) to 1e5 takes 9 tries
+# a jump, without it 12; 6,000 random knots take 1 % more time, and 8 % more with 8.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
 OF_WAVES = 0.9  # of the longest step that waves allow, the length of the next one
 BESIDE = 2.0**-12  # part of a step, over which a difference of states gives their rate
-ON = 2.0**-8  # part of a step in which a straight line crosses the surface on which it begins
+ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
 
 
 def _bend(d, f, f_new, h, u):
@@ -50,7 +50,7 @@ def _bend(d, f, f_new, h, u):
 def _point(x, new, f, f_new, signed, u, quartic=0.0):
     """Return `point`, a component at the fraction u of an explicit step, from both its ends.
 
-    They are x with the rate f, and `new` with `f_new`; `signed` is the step length with its sign.
+    The ends are x with the rate f, and `new` with `f_new`; `signed` is the length with its sign.
     The curve is a cubic, or of degree 4 with `quartic`, a result of `QUARTIC`.
     """
     change, product = new - x, u * (u - 1.0)
@@ -64,9 +64,9 @@ POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quarti
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """Return `quartic`, the factor of u**2 (1 - u)**2 that `_point` adds to the cubic, 0 for NaN.
+    """Return `quartic`, the factor of u**2 (1 - u)**2 in `_point`, or 0 if it is not finite.
 
-    With it the rate at u = POINTS[0] is `f_point`. A step of length `signed` leads x to `new`.
+    It makes the rate at u = POINTS[0] equal `f_point`. A step of length `signed` leads x to `new`.
     """
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
@@ -82,7 +82,7 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
     """Return `point`, a component at the fraction u of an implicit step, from its quarters minus x.
 
-    The polynomial of degree 4 through x, these and `new` uses no rates: they contain fast modes.
+    The polynomial of degree 4 through x, the quarters and `new` avoids rates with their fast modes.
     """
     v = [4.0 * u - float(k) for k in range(5)]
     of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
@@ -95,8 +95,8 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     """Return the first crossing in a step: `crossed` (0 if none), its fraction `place`, and `end`.
 
-    The inputs of these names are from parts of the step so far. The next part has the width `width`
-    and ends at the fraction u. If `crosses` is 1, it has a crossing at its fraction `part`, and
+    Inputs with these names are from earlier parts of the step. This part has the width `width` and
+    ends at the fraction u. If `crosses` is 1, it has a crossing at the fraction `part`, and
     `end` becomes u. The step length is `taken`. Parts within the length `inner` do not count.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
@@ -145,12 +145,12 @@ def OUTCOME(
 ):  # fmt: skip
     """Return whether a step is taken again, or moves the state, and rows that say where it ends.
 
-    cuts     it crosses a surface and does not end close to it: a shorter one is next
-    holds    it does not reach the surface of a search: a longer one is next
-    again    it may hide crossings: a shorter one is next
-    refused  it is taken again for one of these reasons
-    ends     it has no end (`ended` is 1), because f has no value beyond the surface at its start
-    lands    a step aside, which has `served`, ends on a surface, and so moves the state
+    cuts     the step crosses a surface and does not end close to it: a shorter step is next
+    holds    the step does not reach the surface of a search: a longer step is next
+    again    the step may hide crossings: a shorter step is next
+    refused  the step is taken again for one of these reasons
+    ends     the solution ends (`ended` is 1): f has no value beyond the surface at the start
+    lands    a step aside, which reaches its time (`served`), ends on a surface and moves the state
     moves    the state moves to the end of the step
 
     A step arrives at the surface of an event if the time `left` to it is rounding.
@@ -185,11 +185,11 @@ def SEARCH(
 ):  # fmt: skip
     """Return the `length` to try next in a search for a surface, and new rows of the search.
 
-    A line between the states at the lengths `inner` and `outer`, without and with a crossing, meets
-    the surface at the fraction `part`; from x to x_next at `whole_part`, or at `place` within the
-    first part of the step that crosses (`crossed`), which ends at `end`. `weight` is positive if
-    the state at `inner` had it, `rounds` counts the tries, `aim` is the length by Newton's method.
-    Once the lengths differ by less than `accuracy`, the longer one is next.
+    No surface is crossed at the length `inner`, but one is at `outer`. A line between the states
+    there meets it at the fraction `part`; a line from x to x_next meets it at `whole_part`. If
+    `crossed` is 1, the first part of the step with a crossing, at `place`, ends at `end`. `weight`
+    is positive for the state at `inner`, negative for `outer`. `rounds` counts tries, `aim` is the
+    length by Newton's method. If `inner` and `outer` agree to the `accuracy`, `outer` is next.
     """
     misses = holds & (taken >= outer)  # the surface lies farther
     of_end = (crossed > 0.0).select(end, 1.0) * taken
@@ -227,9 +227,9 @@ def NEXT_LENGTH(
 ):  # fmt: skip
     """Return `wanted`, the next length, and the rows of a search, which begins, goes on, or ends.
 
-    It is `length` in a search, and `shorter` if crossings may be hidden. After a search it is
-    `whole`, the next length of the first step, at most `known`, and not much longer than the step
-    to the surface: the next surface may be as near.
+    `wanted` is `length` in a search, and `shorter` if crossings may be hidden. After a search it is
+    `whole`, the length proposed by the first step (at most `known`), but not much longer than the
+    step to the surface: the next surface may be as near.
     """
     searches = cuts | holds
     forgets = ~searches & (taken > 0.0)
@@ -256,8 +256,8 @@ def TIME_AND_STATE(
     """Return `t`, `steps` and `state` after a step, and whether f may have `jumped` at its end.
 
     A step that is `refused` leaves no trace; `before` is its beginning. A step aside that `lands`
-    on a surface is a step to the time `next`. `jumps` is 1 if f jumps at the surface. There, or if
-    f ends there, a lane goes on in the state `mode`, unless there are more than `most` tries.
+    on a surface is a step to the time `next`. `jumps` is 1 if f jumps at the surface. After a jump,
+    or where f ends, a lane goes on in the state `mode`, unless there are more than `most` tries.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
@@ -271,15 +271,15 @@ def TIME_AND_STATE(
 
 
 def cut(code, before, total):
-    """Repeat a step that crosses a surface, or seeks one, with a better length.
+    """Repeat a step that crosses a surface, or seeks a surface, with a better length.
 
-    `before` is the time at which the step begins; `total` is finite if f at its end is.
+    `before` is the time at which the step begins; `total` is finite if f at the end of the step is.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
     text.copy(line.side, work.sides, 2 * surfaces)
-    if surfaces and not any(integrator.events.holds):  # a state stays where f ends at a surface
+    if surfaces and not any(integrator.events.holds):  # where f ends, the state stays
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
         with text.when(ended.any(), likely=False):
             for i in text.each(code.D):
@@ -341,7 +341,7 @@ def _look_at_points(code, length, from_start):
 
 
 def _watch(code, *names):
-    """Return, by `names`, at which fraction, and if, a surface is crossed between two points."""
+    """Return results of `watch` by `names`: crossings of surfaces between two points."""
     code.call("watch", code.work.between, code.table, code.work.crossings)
     return {name: code.work.crossings[k] for k, name in enumerate(names)}
 
@@ -393,9 +393,9 @@ def _double_crossings(code, inputs):
 def _aim(code, inputs, searches, from_start):
     """Return inputs of kernels that Newton's method finds: `aim`, `since`, `place` and `left`.
 
-    They are the length of a step to the surface, the longest time since a surface was crossed, the
-    fraction of the step at the first crossing, and the time left to a surface of an event. `inputs`
-    are the inputs so far. `searches` marks lanes that have looked for a surface before this step,
+    `aim` is the length of a step to the surface, `since` the longest time since a crossing, `place`
+    the fraction of the step at the first crossing, `left` the time left to a surface of an event.
+    `inputs` are the inputs so far. `searches` marks lanes that sought a surface before this step,
     `from_start` lanes that know no shorter step without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
@@ -445,7 +445,7 @@ def _put_point(code, u, to):
 
 
 def _read(code):
-    """Add a loop over the components that surfaces read, with the body of `for`."""
+    """Return an iterator: `for i in` it adds a loop over the components that surfaces read."""
     return code.text.listed(code.integrator.read)()
 
 

@@ -13,8 +13,8 @@ def size_of(f):
 def record(code, truth, k, before, f_before):
     """Write a record of event k in lanes `truth`: trajectory, k, time, and the states at the event.
 
-    They are `before`, D rows, and the row `new`. With columns of derivatives follow, of each, how
-    much earlier displaced solutions reach the event (`tau`), then f before and after the action.
+    The states are `before`, D rows, and the row `new`. If f has columns of derivatives, `tau`
+    (how much earlier displaced solutions reach the event) and f before and after it follow.
     """
     text, of, work, D = code.text, code.of, code.work, code.D
     one = text.lanes(1)

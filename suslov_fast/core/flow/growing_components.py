@@ -36,7 +36,7 @@ LATER = 1.001  # times another end: both may be at the same pole
 # Growth in a step, by the exponent: of the next implicit step, which is four times as long, and of
 # an explicit step that has lost 1e-6 of it. Explicit steps lose (a h / MOST)**10 of exp(a h).
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
-# A component that is to grow has a part LESS of its value in the next round, of at most ROUNDS.
+# In each of at most ROUNDS rounds components that do not grow keep a part LESS of their values.
 LESS, ROUNDS = 0.25, 24.0
 # Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
 # errors is alarming, and PART of it is a reason to look at f. A component is small below SMALL of
@@ -60,7 +60,7 @@ def many_of(rtol):
 
 
 def some_of(rtol, keeps):
-    """Return the least error of an explicit step, beside a component, that counts.
+    """Return the least error of an explicit step, relative to a component, that counts.
 
     It is rtol at 1e-6 and 100 rtol at 1e-9 if the component keeps its sign (`keeps` is 1), and more
     for others, which pass through 0. For implicit steps, which watch closely, it is OF_IMPLICIT of
@@ -141,7 +141,7 @@ def KNOWN(new, lost):
 
 @scalar_kernel
 def FED(new, f_new, fed, signed, lost, changes, left):
-    """Return `lost`, or 0 if others that have their digits feed a component; then it `changes`.
+    """Return `lost`, or 0 if components with digits feed this one; then `changes` is 1.
 
     `left` is the largest `lost`.
     """
@@ -175,7 +175,7 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
 
 @scalar_kernel
 def GROWS(value, f, fed, signed, least, grow, fall):
-    """Return `value`, of a member of a group, less if it does not grow; count it in `grow`, `fall`.
+    """Return `value` of a member of a group, made LESS if it falls; count it in `grow` or `fall`.
 
     f is its rate in the group, `fed` the same without the group, `signed` the length of the step.
     """

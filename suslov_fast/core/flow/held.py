@@ -34,7 +34,7 @@ from .growing_components import LATER
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, code_of_program
 
-# By `LaneState`; also of a run that was ended, perhaps before its first step, -1.
+# Status by `LaneState`; the last entry is for a run that was ended before its first step (-1).
 STATUS = np.full(LaneState.AGAIN + 2, TOO_MANY_STEPS, np.int8)
 STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = OK, ENDED
 STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = NONFINITE, SLIDING
@@ -42,40 +42,40 @@ STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
-_ALL, _WITHOUT = 3, 4  # tries: with relative digits of all components, and of none
+_ALL, _WITHOUT = 3, 4  # numbers of tries with relative digits of all components, and of none
 OF_ANOTHER = -128  # in place of a status: the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
-_kept = {}  # codes, which last, by their addresses
+_kept = {}  # codes by their addresses, so that they stay in memory
 
 
 class Plan(NamedTuple):
     """Integers of a `MotionSystem`: addresses, and where parts begin in `constants` and memory."""
 
     implicit: int  # address of the code of the implicit integrator, 0 if no motion turns to it
-    first_again: int  # of the code with which a motion after an alarm begins
-    implicit_again: int
+    first_again: int  # address of the code with which a motion begins again after an alarm
+    implicit_again: int  # address of the code of the implicit integrator after an alarm
     of_table: int  # address of the code of `code_of_program`, 0 if the table has all parameters
     is_bounded: int  # 1 if steps are at most a part of the time
-    by_starts: int  # columns of derivatives by x0, the first ones: D or 0
-    columns: int  # of derivatives
-    D: int  # components of x
-    clocks: int  # where parameters that columns are by begin below, after pairs for clocks
+    by_starts: int  # number of columns that are derivatives by x0, which come first: D or 0
+    columns: int  # number of columns of derivatives
+    D: int  # number of components of x
+    clocks: int  # where pairs for clocks end below, and parameters of columns begin
     # In `constants`, after the rows of `ComponentNumbers`:
-    components_again: int  # the same rows of motions that are computed again
-    numbers_again: int  # and their `SharedNumbers`
+    components_again: int  # rows of `ComponentNumbers` for motions that are computed again
+    numbers_again: int  # `SharedNumbers` for motions that are computed again
     event_times: int  # pairs (time, event); 0 without events
-    template: int  # what memory has from `numbers` to `table` before a motion
+    template: int  # what memory holds from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
     ended: int  # the time at which the motion ended; and the size of columns by x0
-    state: int  # at the time
+    state: int  # the state at the time
     numbers: int  # `SharedNumbers`
     times: int  # the time, and two infinite ones
-    rows: int  # of the trajectory, see `memory`
+    rows: int  # rows of the trajectory, see `memory`
     inputs: int  # all parameters of f
-    table: int  # which follows them
+    table: int  # the table of f, which follows the parameters
     work: int  # workspace of the first integrator
-    other: int  # of the implicit one
+    other: int  # workspace of the implicit integrator
     records: int
     size: int
     size_of_record: int
@@ -88,7 +88,7 @@ class Plan(NamedTuple):
 
 PLAN = Plan(*range(len(Plan._fields)))
 _ARGUMENTS = len(SLOT) + 1
-# Pairs follow: clocks, and numbers of the parameters that are their starts.
+# After `Plan` there are pairs: a clock, and the number of the parameter that is its start.
 _CLOCKS = len(PLAN)
 
 
@@ -116,7 +116,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     has_atol, again = settings.atol is not None, closer(settings)
-    # The last ones compute motions again, see `growing_components`.
+    # The last integrators compute motions again, see `growing_components`.
     both = [(mode, is_relative) for is_relative in (False, True) for mode in modes]
     integrators = [integrator_of(f, mode, has_atol, relative) for mode, relative in both]
     codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
@@ -167,7 +167,7 @@ def motion_memory(system):
 
 @function
 def _begin(system, x0, memory, inputs, x):
-    """Write all that memory has before a motion; return a state before all of `LaneState`."""
+    """Fill `memory` and `x` for a motion that begins; return -1, a state below any `LaneState`."""
     plan, constants, time = system.plan, system.constants, abs(system.time)
     first, numbers = plan[PLAN.numbers], memory[plan[PLAN.numbers] :]
     for k in range(plan[PLAN.table] - first):
@@ -181,7 +181,7 @@ def _begin(system, x0, memory, inputs, x):
     memory[plan[PLAN.ended] + 1] = size
     for k in range(min(len(system.parameters), len(inputs))):
         inputs[k] = system.parameters[k]
-    for k in range(_CLOCKS, plan[PLAN.clocks], 2):  # these begin at 0
+    for k in range(_CLOCKS, plan[PLAN.clocks], 2):  # these clocks begin at 0
         inputs[plan[k + 1]], x[plan[k]] = x[plan[k]], 0.0
     if plan[PLAN.of_table] != 0:
         call_code(plan[PLAN.of_table], (inputs.ctypes.data,))
@@ -189,7 +189,7 @@ def _begin(system, x0, memory, inputs, x):
         for k in range(len(inputs)):
             memory[plan[PLAN.table] + k] = inputs[k]
     sizes = memory[plan[PLAN.work] - (len(plan) - plan[PLAN.clocks]) : plan[PLAN.work]]
-    for q in range(len(sizes)):  # they stand at the end of the table
+    for q in range(len(sizes)):  # sizes of columns are the end of the table
         sizes[q] = _power_of_2(inputs[plan[plan[PLAN.clocks] + q]])
     numbers[NUMBER.last], memory[plan[PLAN.times]] = time, time
     numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0
@@ -200,7 +200,7 @@ def _begin(system, x0, memory, inputs, x):
 
 @function
 def _set_again(system, tries, memory, x, relative):
-    """Set numbers for a motion that is computed again; components with -1 are `relative`."""
+    """Set numbers for a motion that is computed again; `relative` is -1 or 0 for each component."""
     plan, constants, D = system.plan, system.constants, system.plan[PLAN.D]
     numbers = memory[plan[PLAN.numbers] :]
     of_rtol = NUMBER.rtol, NUMBER.floor, NUMBER.floor_implicit, NUMBER.part
@@ -244,7 +244,7 @@ def motion_of_one(system, x0, out, memory):
             arguments[SLOT.work] = memory.ctypes.data + 8 * work
             arguments[SLOT.following] = 0
             is_done = np.int64(0)
-            while is_done == 0:  # it pauses after records
+            while is_done == 0:  # the code pauses after records
                 written = arguments[SLOT.recorded]
                 arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
                 is_done = call_code(code, (arguments.ctypes.data,))
@@ -257,7 +257,7 @@ def motion_of_one(system, x0, out, memory):
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
-        # It is computed again, as `integration` does; without relative digits if it has ended.
+        # The motion is computed again, as in `integration`; without relative digits if it ended.
         tries = _WITHOUT if has_ended else tries + 1
         end, before = x[plan[PLAN.t]], state
         for i in range(D):

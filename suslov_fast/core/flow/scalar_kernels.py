@@ -8,8 +8,8 @@ from ..expressions.values import operand_of
 
 TINY = 2.0**-1000  # in place of 0
 AT_ONCE = 2.0**-36  # part of the time, within which things happen at once
-NEARLY = 2.0**-42  # part of the time, before which what happens does so at this time
-EDGE = 2.0**-38  # part of the time, within which f ends at a surface
+NEARLY = 2.0**-42  # part of the time: what happens so little before a time happens at it
+EDGE = 2.0**-38  # part of the time: a solution that ends so near to a surface ends there
 
 
 class ScalarKernel(NamedTuple):

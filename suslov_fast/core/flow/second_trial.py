@@ -23,17 +23,17 @@ from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
 
 BESIDE_SIZE = 2.0**-48  # half of it is the largest relative distance of a state beside another
-# f is looked at beside these points of a step, in the directions that these multiples of
-# `ComponentNumbers.seeds` give. There are many, because in one changes may cancel by chance,
-# as the noise of a symmetric state. Every other state is MOVED by what the change before it adds
-# up to in the step: the noise of a force reaches the place. ENDS is 1 at the ends of the step,
-# which come first: steps whose error cannot be noise look there alone, in the first direction.
+# f is evaluated beside points ALONG a step, in directions that are multiples BESIDES of
+# `ComponentNumbers.seeds`. There are many directions, because changes in one may cancel by chance,
+# as for a symmetric state. Every other state is also MOVED by what the last change of f adds up to
+# in the step: the noise of a force reaches positions. ENDS is 1 at the ends of the step, which come
+# first: if the error cannot be noise, the ends and the first direction suffice.
 BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# Factors of a change of f beside the ends, and beside all points: the weights of columns make noise
-# of f larger. The weights of implicit columns make it sixteen times as large as the others.
+# Factors of changes of f: GROWS at the ends, by `is_implicit`, OF_NOISE at all points. The weights
+# of columns make noise of f larger, implicit ones 16 times as much as explicit ones.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
 SHORTENS = 0.05  # a ratio above it makes the next step shorter
 TINY_STEP = 2.0**-40  # part of the time
@@ -58,7 +58,7 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 def BESIDE_POINTS(most, least, largest, second, is_end):
     """Update `least`, `largest` and `second` by `most`, the largest change of f beside one point.
 
-    `least` is the smaller of both ends (`is_end` is 1), others are the two largest of all points.
+    `least` is for the end (`is_end` is 1) with less; the others are the two largest of all points.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
@@ -75,8 +75,8 @@ def SECOND(
     """Return `ratio`, `of_length` and `of_apart` of a second trial so far, and a new `inverse`.
 
     `ratio` is the largest `error` / allowed error, and `of_apart` the same of `apart`, which shows
-    false steps. `of_length`, for the next length, omits errors that only rounding allows: shorter
-    steps have relatively no less of it. `inverse` is 1 / allowed error of the component. `least` is
+    false steps. `of_length`, for the next length, omits errors that only rounding allows, which do
+    not shrink with the step. `inverse` is 1 / allowed error of the component. `least` is
     the smaller change of f at both ends, because f may be steep at one of them. In a step not much
     longer than the rounding of time `largest` counts: its sub-steps see little but rounding. The
     sum of columns makes these changes larger by `grows`. If an error is below the rounding of

@@ -26,7 +26,7 @@ from .batch_solver import (
 from .code_arguments import NUMBER, SLOT
 from .memory import BEGINS, LaneState
 
-_KEPT = 1024  # times that memory is kept of
+_KEPT = 1024  # largest number of times for which memory is kept
 _NAN = array("d", [math.nan])
 
 
@@ -47,9 +47,9 @@ class _PreparedRunner(StepRunner):
         self.x, self.watches = rows[:, : f.D], rows[:, places.watches]
         self.state = rows[:, places.state]
         self.columns = {name: rows[:, getattr(places, name)] for name in COLUMNS}
-        first = both.copy()  # what calls begin with
+        first = both.copy()  # the content with which each call begins
         self.first_table, self.source = first[count:].reshape(shape), None
-        self.now, self.first = both.data, first.data  # Python copies them sooner than NumPy
+        self.now, self.first = both.data, first.data  # Python copies these faster than NumPy
         numbers, W, self.moduli = numbers_of(settings, sign)[:], 1 if B == 1 else WIDTH, None
         super().__init__(integrator, W, rows, table, numbers, components_of(f, settings))
 
@@ -91,14 +91,14 @@ def prepared(f, settings, sign, B, for_each):
 def solve_small_batch(f, table, x0, request):
     """Take trajectories x0 (B, D) to the times of a `SolverRequest`, as far as one integrator goes.
 
-    A single trajectory goes to the end, with both.
+    A single trajectory goes to the end, with both integrators.
 
     `table`, (n,) or (B, n), is the table of f. Return (states, columns, records, begun):
 
     states    (count, B, D) at the times, NaN where they are not reached
     columns   of `COLUMNS` by name, and `records` (arrays of the actions of events), if all
               trajectories have reached the last time without an alarm; else None
-    begun     None in that case, else (rows, table, records), from which `BatchSolver.run` continues
+    begun     None with `columns`, else (rows, table, records), so that `BatchSolver.run` continues
     """
     B, starts, records, count = len(x0), None, [], len(request.times)
     if f.offsets:
@@ -118,7 +118,7 @@ def solve_small_batch(f, table, x0, request):
     while not runner.take():
         pass
     ends = runner.state.tolist()
-    while B == 1 and ends[0] < LaneState.DONE:  # it turns to the other integrator
+    while B == 1 and ends[0] < LaneState.DONE:  # the trajectory turns to the other integrator
         own = runner.integrator
         runner.use(integrator_of(f, not own.is_implicit, own.has_atol))
         while not runner.take():

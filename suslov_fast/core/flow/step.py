@@ -78,14 +78,14 @@ def take_step(code):
 
 
 def _find_columns(code):
-    """Write y_c - x, the ends of the columns less x, to the rows `ends` of the workspace.
+    """Write the ends of columns minus x, y_c - x, to the rows `ends` of the workspace.
 
     Return |mu|, the largest rate of the motion, if the step is implicit, else None.
     """
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
-    if integrator.is_implicit and integrator.read:  # shorter steps overwrite them
+    if integrator.is_implicit and integrator.read:  # sums at quarters are overwritten
         code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
     return rate
 
@@ -126,7 +126,7 @@ def _accept(code, errors, t):
         found["state"] = is_before.select(line.state[0], found["state"])
     code.keep(line, found)
     if not code.integrator.is_implicit:
-        # An explicit step aside needs f there. Without it longer steps pass this time: `LENGTH`.
+        # An explicit step aside needs f at its end. Without f longer steps pass its time: `LENGTH`.
         misses = (work.taken[0] * work.aside[0] > 0.0) & ~(errors["total"] < inf)
         with code.text.when(misses.any(), likely=False):
             line.second.choose(misses, 0, line.next[0])

@@ -34,12 +34,11 @@ AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST = 2.0**-44  # of a step: part of the time
-# The largest sum that vanishes on true steps, relative to the allowed error, and the factor of the
-# next length after a step that it refuses. With 30 it refuses some true steps, with 100 it accepts
-# more false steps.
+# MOST_APART allowed errors bound the sum that vanishes on true steps: 30 would refuse some of them,
+# and 100 accept more false steps. OF_APART is the factor of the length after such a refusal.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
-MOST_STEPS = 250_000  # between two times that are asked for
+MOST_STEPS = 250_000  # between two requested times
 # A lane becomes implicit after PATIENCE steps that look stiff; it forgets them after FORGET others.
 # Its first TRIAL implicit steps are a trial. It becomes explicit after EASY steps that explicit
 # steps could do as well. MOST_PATIENCE is the largest patience.
@@ -96,14 +95,14 @@ def sizes_of(code, x, f):
 
 
 def first_length(size, rate, part, last):
-    """Return `part` * max |x_i| (`size`) / max |f_i| (`rate`), or part of time `last` if x = 0."""
+    """Return `part` * `size` / `rate`, from max |x_i| and max |f_i|; part of `last` if x = 0."""
     guess = larger(size / rate, FIRST_OF_TIME * last)
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
 @scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Return rows of a new trajectory, from sums of `BEGIN_COMPONENT`, and `part` of `first_part`.
+    """Return rows of a new trajectory, from sums of `BEGIN_COMPONENT` and `part`, see `first_part`.
 
     `first_next` and `second_next` are the first requested times. `longest` bounds the length. The
     state is `first_state`, or NO_VALUE if `total` is not finite.
@@ -123,10 +122,10 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Return two fractions of time, `reach` and `shortest`; in a search for a surface 1 and 0.
+    """Return two fractions of time, `reach` and `shortest`; they are 1 and 0 in a search (`outer`).
 
     A step above `reach` of the time left takes all of it. A lane ends if its next length is below
-    `shortest` of the time t. In a search `outer`, a length that crosses the surface, is finite.
+    `shortest` * t. `outer` is finite in a search: a length that crosses the surface.
     """
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
@@ -186,9 +185,9 @@ def AFTER(
     """
     is_finite = total < inf
     is_active = taken > 0.0
-    sees = is_finite & (kept > 0.0)  # the estimate means something
+    sees = is_finite & (kept > 0.0)  # the error estimate is valid
     accepted = is_active & sees & (apart <= MOST_APART) & (ratio <= 1.0)
-    # All that follows waits for the factor: what can be known without it is known before.
+    # All that follows waits for the factor, so what does not need the factor comes first.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
     factor = sees.select(larger(smaller(SAFETY * _factor(of_length), most), SHORTER), OF_NAN)
@@ -226,8 +225,9 @@ def _is_stiff(rates, states, limit):
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, apart, shortest, limit, most):
     """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end.
 
-    rates / states is (h |mu|)**2 with eigenvalues mu of f', stiff above `limit`**2. `stiff` counts
-    these. `apart` shows false steps. It ends below `shortest` of time t, or after `most` tries.
+    rates / states is (h |mu|)**2 with eigenvalues mu of f'; above `limit`**2 a step is stiff.
+    `stiff` counts stiff steps, and `apart` shows false ones. A lane ends if its next length is
+    below `shortest` * t, or after `most` tries.
     """
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
@@ -241,9 +241,9 @@ def TURN_EXPLICIT(
 ):  # fmt: skip
     """Return rows of an explicit lane after a step; it may end, or turn implicit if `switches` = 1.
 
-    rates / states is (h |mu|)**2 with eigenvalues mu of f', stiff above `limit`**2. `stiff` counts
-    stiff steps and, with weights, false steps (`ratio`, `apart`); `easy` counts the steps since. At
-    `patience` the lane turns. A lane ends below `shortest` of the time, or after `most` tries.
+    rates / states is (h |mu|)**2 with eigenvalues mu of f'; a step is stiff above `limit`**2.
+    `stiff` counts stiff steps and, with weights, false steps (`ratio`, `apart`); `easy` counts the
+    steps after them. If `stiff` reaches `patience`, the lane turns. It ends as in `LOOKS`.
     """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
@@ -271,10 +271,10 @@ def TURN_IMPLICIT(
 ):  # fmt: skip
     """Return `wanted`, `state`, `easy`, `patience` and `trial` of an implicit lane after a step.
 
-    It turns explicit, if `switches` is 1, after EASY easy steps in a row, which `easy` counts. They
-    have rate * wanted < 2 limit; `rate` is |mu|, the largest eigenvalue of f'. `trial` counts down
-    the first steps, with 0.6 limit. If it turns in these, `patience` grows, the number of stiff
-    steps until it is implicit again. It ends if wanted < shortest * t, or tries > most.
+    A step is easy if rate * wanted < 2 limit, or < 0.6 limit in the first steps, which `trial`
+    counts down; `rate` is |mu|, the largest eigenvalue of f'. `easy` counts easy steps in a row;
+    after EASY of them the lane turns explicit if `switches` is 1. If it does so in its first steps,
+    `patience`, the number of stiff steps until it turns back, grows. It ends as in `LOOKS`.
     """
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0

@@ -115,6 +115,23 @@ def test_periodic_pulses(name, stiff, rtol, rng):
     np.testing.assert_allclose(run.final[:, 0], 300 * (1e-3 + mean(k)), rtol=1000 * rtol)
 
 
+@pytest.mark.parametrize(
+    "pulse",
+    [
+        lambda a: np.exp2(100 * a),
+        lambda a: 1 + np.expm1(a),
+        lambda a: 2 * expit(a),
+        lambda a: np.exp(-np.logaddexp(0, -a)),
+    ],
+)
+def test_pulses_of_functions_like_exp(pulse):
+    """The mean of a smooth periodic function is that of its values at equal distances."""
+    f = sf.Field(lambda s, k: (pulse(k * (np.cos(s[1] - 1) - 1)), 1.0), "y t", k=1e4)
+    phases = np.arange(2**16) * 2 * np.pi / 2**16
+    right = 20 * np.pi * pulse(1e4 * (np.cos(phases) - 1)).mean()
+    np.testing.assert_allclose(sf.flow(f, [0.0, 0.0], time=20 * np.pi).final[0], right, rtol=1e-7)
+
+
 def test_periodic_pulses_of_powers_and_of_days():
     power = sf.Field(lambda s: (1 + np.sin(s[1]) ** 1000, 1.0), "y t")
     right = 400 * (np.pi + beta(500.5, 0.5))

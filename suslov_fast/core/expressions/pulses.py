@@ -1,10 +1,10 @@
 """The longest step of a right-hand side with narrow periodic pulses.
 
 Between the pulses of a function such as sin(t)**1000, f is constant. So all columns of a long step
-agree, and may miss pulses. Powers sin(a)**d, products of d waves sin(a), and exp, tanh and erf of
-d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). Their width in time is
-d**-1/2 / a', with the rate a'. A step has at most REACH widths, and less than five widths lie
-between two neighbouring points at which f is evaluated.
+agree, and may miss pulses. Powers sin(a)**d, products of d waves sin(a), and functions such as exp
+and tanh of d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). Their width in
+time is d**-1/2 / a', with the rate a'. A step has at most REACH widths, and less than five widths
+lie between two neighbouring points at which f is evaluated.
 """
 
 from math import inf
@@ -13,6 +13,7 @@ from typing import NamedTuple
 from .values import Number, larger, smaller
 
 REACH, NARROW = 24.0, 16.0  # steps do not miss pulses with d up to NARROW
+_LIKE_EXP = "exp", "expm1", "expit", "sinh", "cosh", "tanh", "erf", "logaddexp"
 _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")
 
 
@@ -41,7 +42,9 @@ def longest_step(values, f, steady):
         of = operands[1:] if name == "select" else operands
         varying = [a for a in of if not values.is_fixed(a)]
         waves, others = [known.get(a) for a in varying], [a for a in of if values.is_fixed(a)]
-        if not waves or None in waves or (varying != [of[0]] and name in ("fdiv", "pow")):
+        is_exponent = name == "pow" and varying == [*of[1:]]
+        has_rule = name not in ("fdiv", "pow") or is_exponent or varying == [of[0]]
+        if not waves or None in waves or not has_rule:
             continue
         (size, rate, d), is_sum, more = waves[0], name != "fmul", waves[1:]
         if more:
@@ -59,8 +62,12 @@ def longest_step(values, f, steady):
         if more:
             rate = larger(rate, more[0].rate)
             d = larger(d, more[0].d) if is_sum else d + more[0].d
-        if name in ("exp", "tanh", "erf", "pow"):
-            d = d * larger(abs(number(others[0])) if name == "pow" else size, 1.0)
+        if is_exponent:  # c**a = exp(a log(c))
+            size = size * abs(number(others[0]).then("log"))
+        if name in _LIKE_EXP or is_exponent:
+            d = d * larger(size, 1.0)
+        elif name == "pow":
+            d = d * larger(abs(number(others[0])), 1.0)
         elif name not in _LINEAR + _PLAIN:
             continue
         known[result] = _Wave(size, rate, d)

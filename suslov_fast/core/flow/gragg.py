@@ -30,8 +30,10 @@ from .weights import EXPLICIT
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
 # saves branches, but longer code would not fit its cache.
 SHORT = 25
-# Numbers N of the columns that each lane takes in turn; the last lane only repeats the first one.
-IN_LANES = (10,), (8, 2), (6, 4), (10,)
+# Numbers N of the columns that each lane takes in turn: (10,), (8, 2), (6, 4), and once more (10,).
+_LAST, *_PAIRED = sorted(EXPLICIT, reverse=True)
+_PAIRS = [(N, _LAST - N) for N in _PAIRED if 2 * N >= _LAST]
+IN_LANES = (_LAST,), *_PAIRS, *[(_LAST,)] * (-(1 + len(_PAIRS)) % 4)
 OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
 
 
@@ -211,6 +213,7 @@ class ExplicitColumns(FunctionCode):
         def of_lane(rows, k):
             return Code(1, text.target, lanes.size).array(rows.at() + 8 * k)
 
+        left = {*EXPLICIT}  # columns that have not ended; a lane may repeat one
         for r, now in enumerate(rounds):
             s, begins, ends = (numbers[r + len(rounds) * k] for k in range(3))
             s, begins, ends = signed * s, begins > 0.5, ends > 0.5
@@ -223,8 +226,9 @@ class ExplicitColumns(FunctionCode):
                 text.invoke(f"{self.name}_lanes", of, "%table", rates, work.scratch)
                 for i in text.each(D):
                     to[i] = to[i] + factor * rates[i]
-            for k, (N, m) in enumerate(now[:-1]):
-                if 2 * m + 2 == N:
+            for k, (N, m) in enumerate(now):
+                if 2 * m + 2 == N and N in left:
+                    left.remove(N)
                     first = EXPLICIT.index(N) * D
                     to = work.ends.after(first), work.apart.after(first)
                     self.end(of_lane(a, k), of_lane(b, k), x, *to, *self.loops())

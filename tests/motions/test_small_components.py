@@ -266,6 +266,21 @@ def test_growth_after_a_rate_has_turned_is_right(rtol):
         np.testing.assert_allclose(found[0], final, rtol=max(1e-3, 100 * rtol))
 
 
+def test_groups_that_grow_with_few_ratios_of_their_components():
+    """Both exposed and infected grow if E / I is between 5.4 and 9.6."""
+
+    def slow(s):
+        new = 305.83 * s[0] * s[2]
+        left = 0.0217 * (1 - s[0]) - new
+        return left, new - 14.925 * s[1], 14.903 * s[1] - 80.586 * s[2]
+
+    f, times = field(slow, "S E I"), np.linspace(0.7, 27.3, 39)
+    found, right = (
+        sf.flow(f, [0.738, 1.09e-3, 2.07e-4], time=times, rtol=rtol).states for rtol in (1e-4, 1e-9)
+    )
+    np.testing.assert_allclose(found, right, rtol=0.01, atol=1e-4)
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9])
 def test_groups_that_feed_one_another(rtol):
     """Measles with a seasonal rate, against DOP853 and Radau in logarithms."""

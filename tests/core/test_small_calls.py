@@ -1,10 +1,8 @@
 """Calls that run as Python or NumPy, because nothing is compiled: same bits, for a second."""
 
-import os
 import signal
 import sys
 
-import children
 import numpy as np
 import pytest
 from numba import config
@@ -133,51 +131,6 @@ def test_errors_and_ctrl_c_in_python_that_machine_code_calls(error, of_pivoting)
         sf.iterate(SQUARES, X2, 1.5, 20, on_singular="ignore")
     assert called
     assert not decorators._raised
-
-
-# One after the other, with what Numba compiles.
-FIRST = """
-import sys
-from numba.core import event
-import numpy as np, suslov_fast as sf
-body = sf.Suslov3D(4, 1, -0.5, -0.3)
-gyrostat = sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
-solid = sf.SuslovND(J=[1, 2, 3], I=[0.1, 0.2, 0.3])
-lorenz = sf.Field(
-    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
-    3, rho=160.0)
-pendulum = sf.Field(lambda x: (x[1], -np.sin(x[0])), 2)
-omega, x, surface = [1.0, 0.5], [-20.0, -30.0, 130.0], lambda x: x[..., 2] - 150
-for code in sys.argv[1:]:
-    with event.install_recorder("numba:compile") as compiled:
-        exec(code)
-    print(*(e.data["dispatcher"].py_func.__name__ for _, e in compiled.buffer if e.is_start))
-"""
-# What runs as Python, or is compiled by LLVM alone.
-SMALL = (
-    "sf.iterate(body, omega, 0.2, 10)",
-    "body.exact(omega, 0.2, 10)",
-    "body.first_integral(omega, 0.2)",
-    "sf.iterate(body, omega, 0.2, 10, attitude=True)",
-    "sf.lyapunov_exponents(body, omega, 0.2, 100)",
-    "sf.iterate(solid, [1.0, 0.5, 0.2], 0.2, 10)",
-    "sf.iterate(gyrostat, np.ones((10_000, 2)), 0.2, 100)",
-    "sf.lyapunov_exponents(lorenz, x, 0.001, 100)",
-    "sf.iterate(lorenz, np.ones((2000, 3)), 0.001, 100, save_every=None)",
-    "sf.flow(lorenz, x, time=[0.1], derivatives=('x0', 'rho'))",
-    "sf.crossings(lorenz, x, surface=surface, time=2.0)",
-    "sf.periodic_orbit(lorenz, x, 1.15)",
-    "sf.lyapunov_exponents(lorenz, x, time=2.0)",
-    "sf.flow(pendulum, omega, time=[1.0])",
-)
-
-
-@pytest.mark.slow
-def test_small_first_calls_compile_nothing_by_numba(tmp_path):
-    """In a process of its own, with an empty cache."""
-    output = children.run(FIRST, *SMALL, NUMBA_CACHE_DIR=str(tmp_path))
-    assert dict(zip(SMALL, output.splitlines(), strict=True)) == dict.fromkeys(SMALL, "")
-    assert not any(name.endswith(".nbc") for _, _, names in os.walk(tmp_path) for name in names)
 
 
 def test_machine_code_takes_over_after_some_calls():

@@ -61,6 +61,8 @@ field, family = of(lorenz, 3, rho=28.0), of(lorenz, 3, rho=np.linspace(20, 30, 1
 henon = sf.Field.from_hamiltonian(
     lambda x: sum(v * v for v in x) / 2 + x[0]**2 * x[1] - x[1]**3 / 3, 4)
 own = sf.Map(lambda x: (1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]), 2)
+switched = of(lambda x: (x[1], 5 * (1 - x[0]**2) * x[1] - x[0] - np.where(x[1] > 0, .1, .2)), 2)
+bounce = sf.Event("x1 - 1/10", to=("x1", "-x2"))
 kick = sf.Event(lambda x: x[0] - .1, to=lambda x: (x[0], x[1], -x[2], x[3]), direction=1)
 """
 LOOP = """
@@ -82,9 +84,24 @@ def of_a_field(system, x):
         step_system(system, x, x, memory)
     return x
 """
-# Groups that compile much of the same, a process a line: of one orbit or few, as Python or NumPy
-# may carry it out, and of enough for threads, which is too much for them.
+# Groups that compile much of the same, a process a line: small ones, which Numba compiles nothing
+# for; of one orbit or few, as Python or NumPy may carry it out, and of enough for threads, which is
+# too much for them.
 CALLS = {
+    "small": """
+run(body, 2, .2, 10)
+body.exact([1.0, .5], .2, np.arange(10))
+body.first_integral([1.0, .5], .2)
+run(body, 2, .2, 10, attitude=True)
+sf.lyapunov_exponents(body, [1.0, .5], .2, 100)
+run(solid, 4, .2, 10)
+run(gyrostat, (10_000, 2), .2, 100)
+sf.lyapunov_exponents(field, x(3), .001, 100), sf.lyapunov_exponents(field, x(3), time=2.0)
+run(field, (2000, 3), .001, 100, save_every=None)
+sf.flow(field, x(3), time=[.1], derivatives=("x0", "rho"))
+sf.crossings(field, [1.0, 2.0, 20.0], surface="x1", time=2.0)
+sf.periodic_orbit(field, [-13.76, -19.58, 27.0]).state
+sf.flow(of(lambda x: (x[1], -np.sin(x[0])), 2), [1.0, .5], time=[1.0])""",
     "bodies": """
 run(body, 2, .2, 10), run(body, (4096, 2), .2, 4000, save_every=None), \
 run(body, (9000, 2), .2, 200), run(bodies, (300, 2), .2, 20), \
@@ -118,6 +135,7 @@ run(henon, 4, .1, 10, method="order4"), run(henon, (1000, 4), .1, 200, method="o
 run(henon, (1000, 4), .1, 100, method="order8", save_every=None)
 sf.flow(henon, x(4), time=[1.0, 2.0]), sf.flow(henon, x(1000, 4), time=[3.0, 9.0])
 sf.flow(henon, x(4), time=5.0, events=kick), sf.flow(henon, x(1000, 4), time=5.0, events=kick)
+sf.flow(switched, x(2), time=9, events=bounce), sf.flow(switched, x(5, 2), time=9, events=bounce)
 sf.crossings(henon, x(4), surface="x1", time=9.0), \
 sf.crossings(henon, x(1000, 4), surface="x1", time=9.0)
 sf.periodic_orbit(of(lambda x: (x[0] - x[0]*x[1], x[0]*x[1] - x[1]), 2), [1.0, 2.0], 6.6).state
@@ -149,12 +167,14 @@ def test_first_calls(group, tmp_path):
     for k, (call, threads) in enumerate(zip(calls, cycle("21"), strict=False)):
         code, names = f"{BEGIN}{LOOP * call.startswith('of_')}\ntell({call})", tmp_path / "names"
         settings = {"SUSLOV_FAST_OPT": "2"}  # as users compile
-        settings |= {"NUMBA_CACHE_DIR": str(tmp_path)} if group == "bodies" else {}
+        if group in ("small", "bodies"):
+            settings |= {"NUMBA_CACHE_DIR": str(tmp_path)}
         first = children.run(RECORDED, code, names, NUMBA_NUM_THREADS=threads, **settings)
         usual = io.StringIO()
         with contextlib.redirect_stdout(usual):
             exec(code, {})
         assert first == usual.getvalue() != "", call
+        assert group != "small" or names.read_text() == "", call
         if group == "bodies" and k == 0:
             compiled = names.read_text().split()
             assert len(compiled) == len({*compiled}) <= 30

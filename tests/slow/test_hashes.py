@@ -103,28 +103,6 @@ def test_a_cpu_without_extensions(tmp_path):
     assert [name for name in compiled if "shape_context" in name or "unicode" in name] == []
 
 
-MOTIONS = """
-    import numpy as np
-    import suslov_fast as sf
-
-    fields = {
-        lambda x: (x[1], 5 * (1 - x[0] ** 2) * x[1] - x[0]): "x v",
-        lambda x: (x[1], -np.sin(x[0]) - np.where(x[1] > 0, 0.1, 0.2)): "x v",
-        lambda x: (x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2): "x y p q",
-    }
-    bounce = sf.Event(lambda x: x[0] - 0.1, to=lambda x: [x[0], *(-each for each in x[1:])])
-    for f, names in fields.items():
-        for x0 in np.full(len(names.split()), 0.3), np.full((5, len(names.split())), 0.3):
-            motion = sf.flow(f, x0, time=np.linspace(0, 9, 10), events=[bounce])
-            assert np.isfinite(motion.states).all() and motion.events.count.all(), motion
-            print(motion.states.tobytes().hex(), motion.events.time.tobytes().hex())
-"""
-
-
-def test_motions_have_the_same_bits_at_each_level_of_optimization():
-    assert children.run(MOTIONS, SUSLOV_FAST_OPT="0") == children.run(MOTIONS, SUSLOV_FAST_OPT="2")
-
-
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     if "--write" in sys.argv:

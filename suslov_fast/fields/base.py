@@ -40,11 +40,11 @@ class Body(Members, metaclass=Answering):
     _has_eps: ClassVar[bool] = True  # False for a `Map`
     # The direction (..., D) of the line of steady states through 0; NaN for members without one.
     _steady_line: ClassVar[Any] = None
-    _meaning: ClassVar[str] = ""  # of the parameters, in messages
+    _meaning: ClassVar[str] = ""  # meaning of the parameters, in messages
     if not TYPE_CHECKING:  # type checkers know the property below
         dimension: ClassVar[Any] = 2
         _is_solved: ClassVar[Any] = False  # True if the motion has a closed form
-    _labels: ClassVar[Any] = "Omega1", "Omega2"  # of the components of states
+    _labels: ClassVar[Any] = "Omega1", "Omega2"  # names of the components of states
     _coordinates: ClassVar[Any] = ()  # parameters that are coordinates of datasets
     _shared: ClassVar[Any] = {}  # what all members have in common besides parameters
     _read: ClassVar[Any] = None  # makes a body from its dictionary; by default the class

@@ -20,7 +20,7 @@ from ..core.expressions.numpy_evaluation import evaluate
 from .symbolic import Symbol, Tracer
 from .trace import check_function, operands_of_function, taken, taking
 
-_LEAST = 1e-14  # the inverse of a condition number, below which a matrix of numbers is singular
+_LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is below this
 # A difference counts as 0 if at most random states, _MOST of _SAMPLES, it is below _CANCELLED times
 # the sum of its terms: at the other states elimination may amplify rounding errors.
 _MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11

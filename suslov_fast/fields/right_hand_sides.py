@@ -42,9 +42,9 @@ _known_forms: dict[Any, tuple[float, ...]] = {}  # constants of the first equati
 class OfMembers(NamedTuple):
     """The right-hand side of some members of a family, or of a single field."""
 
-    members: NDArray[np.int64]  # their numbers (K,)
+    members: NDArray[np.int64]  # numbers of the members (K,)
     f: Any  # a `RightHandSide`
-    table: FloatArray  # its values (K, n) that depend only on parameters
+    table: FloatArray  # values (K, n) of `f` that depend on parameters alone
 
 
 @lru_cache(64)

@@ -39,7 +39,7 @@ class Traced(Body):
 
     _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
     _variable: ClassVar[str] = "x"
-    _arrow: ClassVar[str]  # between a variable and its formula, in texts
+    _arrow: ClassVar[str]  # what stands between a variable and its formula in texts
     _left: ClassVar[str]  # the left side of an equation in LaTeX, with %s for the variable
 
     names: tuple[str, ...]

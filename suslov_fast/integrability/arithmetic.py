@@ -23,7 +23,7 @@ Values = tuple[int, ...]  # numbers in place of letters
 # A matrix of functions N / D of letters: N and D are {exponents of the letters: coefficient}.
 Rows = Sequence[Sequence[tuple[dict[Values, Any], dict[Values, Any]]]]
 
-# Fixed numbers in place of letters (first of eps), which serve as random ones.
+# Fixed numbers that replace letters (eps first), and serve as random numbers.
 EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
 EXTRA = 10  # number of equations minus number of unknowns
 DRAWS = 8  # primes that are tried until two of them give the same result
@@ -66,7 +66,7 @@ def as_written(a: Any) -> Fraction:
     """
     binary = Fraction(a)
     q = binary.denominator
-    odd = q // (q & -q)  # without its power of two: 1 for a float
+    odd = q // (q & -q)  # the odd factor of q, which is 1 for a float
     if 1 < odd < _ODD:  # a fraction of a float, as in the gradient of a Hamiltonian with a term / 3
         return as_written(binary * odd) / odd
     if odd > 1 or (q < _LONG and abs(binary) < _WHOLE):

@@ -47,8 +47,8 @@ from .rational_functions import (
     rational_roots,
 )
 
-TERMS = 100_000  # of the largest polynomial that is factored, in some 5 s
-TERMS_IN_LETTERS = 3_000  # the same with several letters
+TERMS = 100_000  # most terms of a polynomial that is factored, which takes some 5 s
+TERMS_IN_LETTERS = 3_000  # most terms of a polynomial in several letters that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 FEW = 100  # monomials times degree of a map, up to which the image of a line takes little time
 
@@ -61,11 +61,11 @@ class RationalMap(WithLetters):
     """
 
     letters: tuple[str, ...] = ()  # symbols in the coefficients, such as eps
-    names: tuple[str, ...] | None  # of the variables, if they are not x1, ..., xD
+    names: tuple[str, ...] | None  # names of the variables, if not x1, ..., xD
     given: Mapping[str, Fraction]  # the values that letters had in a `Map`
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
-    hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
+    hamiltonian: Any = None  # Hamiltonian of the field of a Kahan map, a polynomial
     modified_energy: Any = None  # its integral for the Kahan map, if it is not constant
     _latest: tuple[Any, Any] = None, None  # the last modulus, and the forms modulo it
     _latest_numbers: Any = None, None  # the last numbers for letters, and the map for them
@@ -308,7 +308,7 @@ class RationalMap(WithLetters):
         lengths = [len(F) for F in self.forms]
         exponents = ((*e, degree - sum(e)) for e in exponents_in_x(P))
         powers = (zip(lengths, e, strict=True) for e in exponents)
-        # The power t^n of t terms has as many as there are monomials of degree n in t variables.
+        # The power n of t terms has a term for each monomial of degree n in t variables.
         terms = (math.prod(math.comb(t + n - 1, n) for t, n in product) for product in powers)
         return 1e-9 * sum(min(most, count) for count in terms) * max(lengths)
 

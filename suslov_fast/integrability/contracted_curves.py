@@ -42,11 +42,11 @@ from .polynomials import (
     value_at,
 )
 
-_PAIRS = (0, 1), (0, 2), (1, 2)  # of coordinates
+_PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
 _TERMS = 8, 32, 128, 512  # of power series in t, until they suffice
-_LINES = 20  # on which a point of a curve is sought
-_PRIMES = 80  # that are tried, at most
-_BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coefficients
+_LINES = 20  # number of lines on which a point of a curve is sought
+_PRIMES = 80  # largest number of primes that are tried
+_BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger coefficients
 
 
 class Passage(NamedTuple):
@@ -232,8 +232,8 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # of power series in t, until they suffice
 _LONGEST = 20_000  # bits of coordinates, at most
-_MONOMIALS = 2_000  # of coordinates, at most
-_NUMBERS = range(1, 9)  # tried in place of s
+_MONOMIALS = 2_000  # most monomials of coordinates
+_NUMBERS = range(1, 9)  # numbers that are tried in place of s
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
@@ -287,7 +287,7 @@ class _Germs:
         *lower, leading = next(coefficients for coefficients in every if len(coefficients) > 1)
         n = len(lower)
         terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
-        self._modulus = sum(terms, self._r**n)  # of r times the leading coefficient
+        self._modulus = sum(terms, self._r**n)  # it has the root r * `leading`
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:

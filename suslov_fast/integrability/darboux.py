@@ -372,12 +372,12 @@ def _divisors(
             rest = free - power * sizes[k]
             if rest < 0:
                 return
-            if rest > sum(largest[k + 1 :]):  # more than the factors that follow can have
+            if rest > sum(largest[k + 1 :]):  # more than the factors after this one can have
                 continue
             joint = system
             if rows:
                 joint = arithmetic.row_space(system + rows, p)
-                if len(joint) == count:  # no P, and none for higher powers
+                if len(joint) == count:  # no P for this power, and none for higher powers
                     return
             yield from extended((*powers, power), joint, rest)
 

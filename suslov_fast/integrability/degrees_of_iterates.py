@@ -113,10 +113,10 @@ class Growth(NamedTuple):
 
 _LONG = 200_000  # degree times length of a map, from which on a degree takes over 10 s
 _SPARE = 3  # degrees that confirm a recurrence, at least
-_ROUNDING = 1e-9  # relative, of the modulus of a root
+_ROUNDING = 1e-9  # relative rounding error of the modulus of a root
 _LAST = 3  # number of last quotients d_(k+1) / d_k, which decide without a recurrence:
-_LEAST = 1.5  # growth is called exponential if all are above this,
-_RATIO = 1.1  # and the largest is at most this times the least
+_LEAST = 1.5  # growth is called exponential if all last quotients are above this,
+_RATIO = 1.1  # and if the largest of them is at most this times the least
 _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow in the plane, if not exponentially
 
 

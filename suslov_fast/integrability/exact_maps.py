@@ -38,7 +38,7 @@ _RULES: dict[str, Any] = {
     "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv,
     "pow": _power,
 }  # fmt: skip
-_POINTS = 3  # at which an inverse is checked
+_POINTS = 3  # number of points at which an inverse is checked
 
 
 @public
@@ -174,7 +174,7 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
         raise wrong("letters", known, repr(letters))
     if "eps" in names and not isinstance(system, Map):
         raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
-    most = MOST - (not isinstance(system, Map))  # with eps
+    most = MOST - (not isinstance(system, Map))  # eps is a letter, too
     if len(names) > most:
         raise wrong("letters", f"at most {most} names", len(names))
     return tuple(names)

@@ -39,7 +39,7 @@ from .rational_functions import (
 )
 from .search import Search
 
-_MOST = 500  # monomials of relations along orbits
+_MOST = 500  # largest number of monomials in relations along orbits
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class HKBasis:
     complete: bool
     point: Point
     basis: tuple[Point, ...] | None
-    names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
+    names: tuple[str, ...] | None = None  # names of the variables, if not x1, ..., xD
 
     @property
     def integrals(self) -> tuple[RationalFunction, ...]:

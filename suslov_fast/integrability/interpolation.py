@@ -35,14 +35,14 @@ from .arithmetic import (
     simplest_fraction,
 )
 
-Search = Callable[[int, Values], Residues]  # of a prime and numbers in place of letters
+Search = Callable[[int, Values], Residues]  # called with a prime and numbers for letters
 Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coefficient}
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
-MOST = len(_BASES)  # letters
+MOST = len(_BASES)  # largest number of letters
 _DEGREES = 64  # the sum of the degrees of numerator and denominator, at most
 _LINES = 1024  # twice the number of terms of one degree, at most
-SEARCHES = 4096  # modulo one prime, at most
+SEARCHES = 4096  # most searches modulo one prime
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
@@ -70,7 +70,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
     ``search(p, values)`` must return the matrix modulo p, with the numbers `values` for the
     letters. The result is None if coefficients are too long, or if there are too many terms.
     """
-    residues = defaultdict[Any, list[tuple[Any, int]]](list)  # and primes, by exponents of N and D
+    residues = defaultdict[Any, list[tuple[Any, int]]](list)  # with primes, by exponents of N and D
     candidate: Rows | None = None
     for _ in range(_PRIMES):
         with contextlib.suppress(ZeroDivisionError):

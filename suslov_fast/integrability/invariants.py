@@ -51,11 +51,11 @@ from .rational_functions import (
     without_constant,
 )
 
-_TRIAL = 2**16  # prime factors of constants that are found: any coprime factors would do
-_WEIGHT = 2**40  # of equations in a lattice
+_TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
+_WEIGHT = 2**40  # weight of equations in a lattice
 _HIGHEST = 8  # degree of functions, up to which limits for eps to 0 are computed
-_LETTERS = 6  # up to which reducible members of a pencil are sought: with more they take long
-_PRODUCTS = 20_000  # of generators, at most
+_LETTERS = 6  # most letters with which reducible members of a pencil are sought: more take long
+_PRODUCTS = 20_000  # most products of generators
 
 
 class Product(NamedTuple):
@@ -87,8 +87,8 @@ class Invariants:
         self._normal: dict[int, str] = {}  # texts of spaces in normal form, by cofactor value
         # Lists of polynomials with the same cofactor, which is not known.
         self.spaces: list[list[RationalFunction]] = []
-        self.densities: list[RationalFunction] = []  # by a theorem
-        self.early_densities: list[RationalFunction] = []  # before the factors of det DPhi
+        self.densities: list[RationalFunction] = []  # densities that a theorem gives
+        self.early_densities: list[RationalFunction] = []  # found without factors of det DPhi
         self.has_factors = False  # True when the factors of det DPhi are known
         self._point = arithmetic.random_point(map.dimension, self.p)
 
@@ -380,7 +380,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     highest = max(degree_of(P) for P in basis)
 
     def order(P: Any) -> tuple[Any, ...]:
-        complex_factors = count_factors(P) + (degree_of(P) < highest)  # one is at infinity
+        complex_factors = count_factors(P) + (degree_of(P) < highest)  # one factor is at infinity
         factors = sum(e for _, e in factored(P).factors)
         simplest = len(P), has_constant_term(P), -factors, str(P)
         return degree_of(P), str(P) not in first, -complex_factors, *simplest

@@ -63,7 +63,7 @@ class KahanMap(RationalMap):
     ) -> None:
         if not isinstance(field, Field) or not isinstance(eps, Fraction | None):
             raise TypeError("field: a KahanMap is made by kahan(field, eps)")
-        self._is_exact = is_exact  # no floats in the field
+        self._is_exact = is_exact  # True if the field has no floats
         self.field, self.eps, self._sign = field, eps, sign
         self.dimension, self.in_letters = field.dimension, in_letters
         self.given = in_letters.given if in_letters else {}
@@ -84,7 +84,7 @@ class KahanMap(RationalMap):
         """Return the map for another eps, or for the symbol `sign` * eps if `eps` is None."""
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
-        map._rates = self._rates  # which take long
+        map._rates = self._rates  # these take long to compute
         if self.in_letters is None:
             map.terms = self.terms
         return map
@@ -179,7 +179,7 @@ class KahanMap(RationalMap):
         return new(D, D, values[: D * D], *modulus), new(D, 1, values[D * D :], *modulus)
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
-        if not isinstance(x[-1], flint.nmod | flint.fmpq):  # polynomials
+        if not isinstance(x[-1], flint.nmod | flint.fmpq):  # x consists of polynomials
             return cramer(self._system(x))
         A, b = self._matrices(x)
         return [*A.solve(b).entries(), x[-1]]
@@ -263,7 +263,7 @@ class KahanMap(RationalMap):
         if L.det() == 0:
             return None
         products = (int(L[i, k]) * x[i] * f[k] for i in range(D) for k in range(D))
-        of_H = sum(products, zero)  # its part of degree d is d times the part of H
+        of_H = sum(products, zero)  # a part of degree d is d times the same part of H
         degrees = map(sum, exponents_in_x(of_H))
         terms = {e: 6 // d * c for d, (e, c) in zip(degrees, of_H.terms(), strict=True)}
         return primitive(zero.context().from_dict(terms))
@@ -322,10 +322,10 @@ def kahan(field: Any, /, eps: Any = None) -> KahanMap:
     """
     if not isinstance(field, Body):
         raise wrong("field", "a Field or a body", kind_of(field), TypeError)
-    _ = field._has_eps or field._field  # which raises
+    _ = field._has_eps or field._field  # `_field` raises for a `Map`
     if field.shape:
         raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
-    if str(eps).isidentifier() and eps is not None:  # as a text, or of SymPy
+    if str(eps).isidentifier() and eps is not None:  # a name, as a text or as a symbol of SymPy
         how = "leave it out, kahan(field), for formulas in eps"
         raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
     step = None if eps is None else constant("eps", eps)

@@ -138,7 +138,7 @@ class _Solved(NamedTuple):
 
     steps: list[tuple[int, Any, Any]]  # number of a variable, numerator and denominator of it
     unsolved: list[Any]
-    variables: list[int]  # those that unsolved equations may contain
+    variables: list[int]  # variables that unsolved equations may contain
 
 
 class _Equations:
@@ -266,7 +266,7 @@ class _Equations:
         d = [0 * one] * len(x)
         for k, a in zip(kept, (*self.plane.gens()[-2:], one), strict=True):
             d[k] = a
-        # It meets x + s d at s = -b / a.
+        # The quadric meets the line x + s d at s = -b / a.
         a = homogenized(quadric, 2, d, self.plane)
         ends = [p + e for p, e in zip(start, d, strict=True)]
         b = homogenized(quadric, 2, ends, self.plane) - a

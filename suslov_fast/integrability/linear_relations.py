@@ -133,9 +133,9 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
 
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
-_QUOTIENTS = 4_000  # of coefficients, at most, for which degrees are compared
-_DEGREES = 5, 11, 23  # of quotients: first low ones are found, and none above the last
-_TERMS = 300  # of a formula that is written out, at most
+_QUOTIENTS = 4_000  # most quotients of coefficients for which degrees are compared
+_DEGREES = 5, 11, 23  # bounds of the degrees of quotients, tried in this order
+_TERMS = 300  # most terms of a formula that is written out
 
 
 @dataclass(frozen=True, repr=False)

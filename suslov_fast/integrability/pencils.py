@@ -88,7 +88,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
             if A.rank() < A.ncols():  # all members are reducible
                 return []
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))
-        # A root is multiple if the rank falls further there; each is wanted once.
+        # A root is multiple if the rank falls further there; each root is wanted once.
         common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
         return common.coeffs() if common.degree() > 0 else []
 

@@ -26,7 +26,7 @@ Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
 A = TypeVar("A")
 
-_LETTER = "_letter_"  # before the name of a letter other than eps
+_LETTER = "_letter_"  # prefix of names of letters other than eps
 
 
 def _from_terms(names: Any, terms: Any) -> Any:

@@ -51,7 +51,7 @@ L = TypeVar("L", bound="WithLetters")
 class WithLetters:
     """The base of maps and functions with letters: symbols in their coefficients, such as eps."""
 
-    letters: Any  # their names
+    letters: Any  # names of the letters
     _with: Any  # the method that returns the map or function with numbers for letters
     _may_lack_letters = False  # True for functions, which may be constant
 
@@ -365,7 +365,7 @@ def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
     """Return constant * product of P**e for (P, e) in `powers`, with equal P merged, and sorted."""
-    exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
+    exponents: dict[str, tuple[Any, int]] = {}  # by texts of the polynomials
     for P, e in powers:
         exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e
     factors = [(P, e) for P, e in exponents.values() if e and constant]

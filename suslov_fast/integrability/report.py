@@ -29,7 +29,7 @@ from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text, at most
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
-_ROUNDING = 1e-12  # of an entropy
+_ROUNDING = 1e-12  # rounding error of an entropy
 _SHOWN = 64  # sets of numbers for letters after which `progress` prints a line; then twice as many
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
@@ -53,14 +53,14 @@ class Report:
     map: RationalMap
     degree: int  # the largest that was searched
     degrees: list[int] = dataclasses.field(default_factory=list)
-    integrals: Functions = ()  # independent
-    implicit: tuple[ImplicitIntegral, ...] = ()  # independent of these
+    integrals: Functions = ()  # independent integrals
+    implicit: tuple[ImplicitIntegral, ...] = ()  # integrals that are independent of `integrals`
     measures: Functions = ()
     polynomials: Functions = ()
     symmetries: tuple[Reversor, ...] = ()  # reversing symmetries of a field
-    planar: PlanarEntropy | None = None  # of a birational map of the plane
+    planar: PlanarEntropy | None = None  # entropy of a birational map of the plane
     level: Level | None = None  # the generic level of D - 2 integrals
-    on_level: PlanarEntropy | None = None  # of the map on this level
+    on_level: PlanarEntropy | None = None  # entropy of the map on the generic level
     relations: int | None = None  # the number of independent integrals that relations show
     searched: list[str] = dataclasses.field(default_factory=list)
     notes: list[str] = dataclasses.field(default_factory=list)

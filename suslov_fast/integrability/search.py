@@ -102,9 +102,9 @@ class Queue:
 
     def __init__(self, tasks: Tasks, is_wanted: Callable[[int], bool]) -> None:
         self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
-        self.task: Any = None  # the one that runs
+        self.task: Any = None  # the task that runs
         self.at_start: Callable[[Task], None] = lambda task: None
-        self._degrees = defaultdict[str, set[int]](set)  # of all tasks so far, by kind
+        self._degrees = defaultdict[str, set[int]](set)  # degrees of all tasks so far, by kind
         self._add(tasks)
 
     def _add(self, tasks: Tasks) -> None:
@@ -151,8 +151,8 @@ class Written(tuple[RationalFunction, ...]):
 class Known(NamedTuple):
     """Integrals, measures and Darboux polynomials that are known at some moment of a search."""
 
-    integrals: tuple[RationalFunction, ...]  # independent
-    implicit: tuple[ImplicitIntegral, ...]  # independent of those with a formula
+    integrals: tuple[RationalFunction, ...]  # independent integrals
+    implicit: tuple[ImplicitIntegral, ...]  # integrals that are independent of `integrals`
     measures: tuple[RationalFunction, ...]  # densities
     polynomials: tuple[RationalFunction, ...]
 
@@ -169,9 +169,9 @@ class Search:
         self.symmetries: tuple[Reversor, ...] = ()
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
-        self.on_level: PlanarEntropy | None = None  # the entropy of the map there
+        self.on_level: PlanarEntropy | None = None  # the entropy of the map on the generic level
         self._searched_to: dict[int, int] = {}  # the degree of the latest task of each cofactor
-        self._of_relations: list[ImplicitIntegral] = []  # of circuits
+        self._of_relations: list[ImplicitIntegral] = []  # integrals that circuits give
         self._known: Known | None = None  # None after a change of `invariants`
         self.queue = Queue(self._first_tasks(), self._is_wanted)
 

@@ -26,9 +26,9 @@ from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
-DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, for each dimension
+DEGREES = {1: 5, 2: 5, 3: 4}  # largest degree of products of equations, by dimension
 _AFFINE = 2  # the largest dimension in which b is sought; in three dimensions b = 0
-_LARGEST = 10**6  # numerators and denominators of entries
+_LARGEST = 10**6  # largest numerator and denominator of an entry
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Reversor:
 
     S: tuple[Point, ...]
     b: Point
-    names: tuple[str, ...]  # of the variables
+    names: tuple[str, ...]  # names of the variables
 
     def __call__(self, x: Any) -> Point:
         """Return the image of a point."""
@@ -61,7 +61,7 @@ def reversors(map: KahanMap) -> list[Reversor]:
     If the field has letters, entries are numbers, for all values of the letters.
     """
     D, p = map.dimension, map.prime
-    numbers = [*EPS[: len(map.letters)], *[0] * D]  # for letters and x
+    numbers = [*EPS[: len(map.letters)], *[0] * D]  # values of letters and x
     rates = map._rates[0]
     terms = [(place, int(v(*numbers) if map.in_letters else v) % p) for place, v in rates]
     unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
@@ -150,7 +150,7 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Itera
         space = arithmetic.null_space(_products(equations, unknowns, degree))
         # Solutions at infinity are 0 in monomials of low degree. There the rank is the number of
         # other solutions, and stays the same from one degree to the next.
-        counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
+        counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to degree d
         parts = [[row[:count] for row in space] or [[0]] for count in counts]
         ranks = [flint.nmod_mat(part, p).rank() for part in parts]
         stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]

@@ -95,11 +95,11 @@ def jacobian(problem: Problem) -> FloatArray:
 class TangentGrowth(NamedTuple):
     """Statuses of orbits, and sums over their steps, from which Lyapunov exponents follow."""
 
-    sums: FloatArray  # (B, D), of the logarithms of the growth of D orthogonal tangent vectors
+    sums: FloatArray  # (B, D), sums of logarithms of the growth of D orthogonal tangent vectors
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
     by_sign: NDArray[np.bool_]  # (B,), True if a change of sign showed a pole
-    steps: int  # in the sums: fewer than asked for if `report` ended the run
+    steps: int  # number of steps in the sums: fewer than asked for if `report` ended the run
 
 
 class _Part:

@@ -105,8 +105,8 @@ class Records(NamedTuple):
 class Rows(NamedTuple):
     """Records of events of one or more trajectories, as the engine writes them."""
 
-    arrays: list[FloatArray]  # of rows, see `event_records`
-    sign: int  # of time
+    arrays: list[FloatArray]  # arrays of rows, see `event_records`
+    sign: int  # sign of time
     starts: FloatArray  # (B, D)
 
     def in_order(self) -> Records:

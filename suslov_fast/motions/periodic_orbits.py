@@ -221,7 +221,7 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
     moving = ~motion.drifts
     end = motion.states(x, [last])[0]
     rate = abs(field(end))[moving].max()
-    # From now on until 2 last, it would move by a small part of its way so far.
+    # Until the time 2 `last` a state at rest would move by a small part of its way so far.
     is_at_rest = rate * last <= _AT_REST * abs(end - x)[moving].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
 
@@ -232,8 +232,8 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
     `given` is the period that was asked for.
     """
     state, least = short(search.nodes[0].tolist()), _AT_REST * search.largest
-    rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # in a period
-    if rate <= least and not search.flow.is_forced:  # it does not move
+    rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # per period
+    if rate <= least and not search.flow.is_forced:  # the orbit does not move
         if rate * max(given / search.T, 1.0) <= least:
             return f"the equilibrium {state}"
         return f"periods that tend to 0 at the state {state}"

@@ -35,7 +35,7 @@ _LONGEST = 0.3  # the longest step of log T
 _CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
 _LEAST_CHANGE = 1e-6  # the smallest relative correction
 _ARCS = 1, 4, 16  # numbers of arcs that are tried
-_GROWTH = 1e3  # of derivatives along an arc; if it is larger, more arcs are tried
+_GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are tried
 # The residual of a solution, in units of rtol and of the growth of derivatives; and its limit.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # the smallest unit of residuals, as a part of the largest size

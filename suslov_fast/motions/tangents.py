@@ -40,8 +40,8 @@ from ..maps.kernel_arguments import ALL
 from ..status import Status
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 
-_MOST = 40  # m of the shortest segment
-_UNITS = 2**_MOST  # lengths of the shortest segment in the whole time
+_MOST = 40  # m of the shortest segment, which has 2**-m of the time
+_UNITS = 2**_MOST  # number of shortest segments in the whole time
 _ROOM = 8.0  # the length of the first segment times the size of f'
 # A segment is short enough if all entries of the diagonal of R exceed _LEAST times the largest one,
 # and _LEAST, because errors are `rtol` times the largest columns so far; and none is too large.
@@ -148,8 +148,8 @@ class _Run:
             f.is_dense or f.products or f.branches or f.events
         )
         self.has_frames = np.full(len(x), has_frames)
-        self.count = np.zeros(len(x), np.int64)  # how many segments
-        self.passed = np.zeros(len(x), np.int64)  # how many given times of events
+        self.count = np.zeros(len(x), np.int64)  # number of segments so far
+        self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
         slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)

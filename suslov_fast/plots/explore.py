@@ -19,7 +19,7 @@ from ..orbits.iterate import iterate
 from ..status import Status
 
 _MOST = 20  # the most initial values with a slider
-_WIDTH = 290  # of sliders, in pixels
+_WIDTH = 290  # width of sliders, in pixels
 _DARK, _BLUE, _RED = "#404040", "#2c6da4", "#c0392b"
 
 

@@ -27,7 +27,7 @@ COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
 _MANY = 100_000  # the most states that are joined by default, and that are vectors in PDF files
 _ALONE = 64  # the most orbits that have a line each
 _IN_LEGEND = 8  # the most orbits in a legend
-_STYLES = "-", "--", ":", "-."  # of lines, for values of a second parameter
+_STYLES = "-", "--", ":", "-."  # styles of lines, for values of a second parameter
 _SIZES = {200: 6, 2000: 4}  # sizes of dots, by the most states that have them
 _TIME = -1  # in place of the index of a component
 

@@ -15,7 +15,7 @@ FORMAT = 17  # version of files
 class Column(NamedTuple):
     """An array of a result."""
 
-    name: str  # of the attribute; "a.b" is the attribute b of the attribute a
+    name: str  # name of the attribute; "a.b" is the attribute b of the attribute a
     type: str
     axes: str  # names of axes, where "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets

@@ -94,14 +94,14 @@ def _scaled(x, n):
 # the first part of log 2 is exact.
 _PER_LN2 = float.fromhex("0x1.71547652b82fep+0")
 _LN2 = float.fromhex("0x1.62e42fefa3800p-1"), float.fromhex("0x1.ef35793c76730p-45")
-# (exp(r) - 1 - r) / r**2
+# Coefficients of (exp(r) - 1 - r) / r**2 in powers of r.
 _EXP = tuple(map(float.fromhex, (
     "0x1.0000000000000p-1", "0x1.5555555555556p-3", "0x1.5555555555556p-5",
     "0x1.11111111109a6p-7", "0x1.6c16c16c15dadp-10", "0x1.a01a01a7ceafbp-13",
     "0x1.a01a01a942812p-16", "0x1.71de0d857c0e7p-19", "0x1.27e4d4b126346p-22",
     "0x1.af390aaa2f741p-26", "0x1.1f7f694802139p-29",
 )))  # fmt: skip
-# (sinh(r) - r) / r**3, of r**2
+# Coefficients of (sinh(r) - r) / r**3 in powers of r**2.
 _SINH = tuple(map(float.fromhex, (
     "0x1.5555555555559p-3", "0x1.111111110f62ap-7", "0x1.a01a01b02055dp-13",
     "0x1.71ddf7b2da8a2p-19", "0x1.af5fe5614b704p-26",
@@ -176,19 +176,19 @@ _ROOT_HALF = 0x3FE6_A09E_667F_3BCD
 _ONE = 0x3FF0_0000_0000_0000
 _FRACTION = from_bits(0x000F_FFFF_FFFF_FFFF)
 _LEAST_NORMAL = 2.0**-1022
-# (2 artanh(s) - 2 s) / s**3, of s**2
+# Coefficients of (2 artanh(s) - 2 s) / s**3 in powers of s**2.
 _LOG = tuple(map(float.fromhex, (
     "0x1.5555555555593p-1", "0x1.999999997f9ffp-2", "0x1.2492494229124p-2",
     "0x1.c71c51d96a36dp-3", "0x1.7466494421c7ap-3", "0x1.39a0a1ac066eap-3",
     "0x1.2f110066a41e3p-3",
 )))  # fmt: skip
-# ((2 artanh(s) - 2 s) / s**3 - 2 / 3) / s**2, of s**2
+# Coefficients of ((2 artanh(s) - 2 s) / s**3 - 2 / 3) / s**2 in powers of s**2.
 _LOG_REST = tuple(map(float.fromhex, (
     "0x1.9999999999996p-2", "0x1.2492492492f56p-2", "0x1.c71c71c59593bp-3",
     "0x1.745d1829f0f0cp-3", "0x1.3b1364998027ep-3", "0x1.11207720110e8p-3",
     "0x1.de3c158d6eed5p-4", "0x1.ead1accddc524p-4",
 )))  # fmt: skip
-# m**(1/3), m from 1/2 to 4
+# Coefficients of m**(1/3) in powers of m, for m from 1/2 to 4.
 _CBRT = tuple(map(float.fromhex, (
     "0x1.dd2b893657793p-2", "0x1.aba59ae8e77d7p-1", "-0x1.b5648b480154dp-2",
     "0x1.3a835faea1671p-3", "-0x1.e050be3ea0d9ep-6", "0x1.2565a3b84c2f1p-9",
@@ -352,7 +352,7 @@ _QUARTER = tuple(map(float.fromhex, (
     "0x1.921fb00000000p+0", "0x1.5110b00000000p-22", "0x1.1846980000000p-44",
     "0x1.3198800000000p-69", "0x1.1701b839a2520p-88",
 )))  # fmt: skip
-# (sin(r) - r) / r**3 and (cos(r) - 1 + r**2 / 2) / r**4, of r**2
+# Coefficients of (sin(r) - r) / r**3 and (cos(r) - 1 + r**2 / 2) / r**4 in powers of r**2.
 _SIN = tuple(map(float.fromhex, (
     "-0x1.5555555555549p-3", "0x1.111111110f892p-7", "-0x1.a01a019c1219dp-13",
     "0x1.71de3576bbc75p-19", "-0x1.ae5e64a8f48c2p-26", "0x1.5d925ec785876p-33",

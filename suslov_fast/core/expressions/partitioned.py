@@ -88,9 +88,9 @@ def _work(f, components):
 class _Kind(NamedTuple):
     """How a value of f depends on the state; some kinds may change unseen between points."""
 
-    degree: int = 0  # 0 if it does not depend on the state, 1 if affine, else 2
+    degree: int = 0  # 0 if the value does not depend on the state, 1 if it is affine, else 2
     has_exp: bool = False
-    has_quotient: bool = False  # or a root
+    has_quotient: bool = False  # True if the value has a quotient or a root
     is_shifted: bool = False  # a number is added to a function that is not affine
 
 

@@ -26,7 +26,7 @@ from .values import Number, joined, operand_of
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # part of the terms of s: a state is on the surface if |s| is not larger
-NEAR = 2.0**-32  # the same for surfaces along which solutions may slide together
+NEAR = 2.0**-32  # part of the terms of s: such surfaces are near, and may be slid along together
 BARELY = 2.0**-24  # part of the rate on the other side of a surface: smaller rates are rounding
 # Modes of one f; and modes times pairs of modes that change each other's rates, to which the time
 # to compile is proportional: five modes of which each changes all others, or a chain of twelve.

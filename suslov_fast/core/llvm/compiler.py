@@ -34,8 +34,8 @@ class Address(int):
 
 
 known_codes = {}  # addresses, by the arguments of `code_of`
-_engines = {}  # by level of optimisation, and whether their code lasts
-_numbers = itertools.count()  # which make names unique, also after Ctrl-C
+_engines = {}  # engines by level of optimisation, and by whether their code lasts
+_numbers = itertools.count()  # numbers that make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
 free_in_children(_lock)
 

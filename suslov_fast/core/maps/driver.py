@@ -22,13 +22,13 @@ class DriverArguments(NamedTuple):
     x: int  # address of the states (lines, D, W)
     lines: int
     block: int  # lines of a block, which takes all steps before the next block begins
-    steps: int  # of all stages
+    steps: int  # number of stages in all steps
     plan: int  # address of the addresses of tables of stages, each (n,) or (lines, n, W)
     stages: int
     first_row: int = 0  # address of the first saved states
-    row_bytes: int = 0  # from one saved row to the next
+    row_bytes: int = 0  # bytes from one saved row to the next
     first_until: int = 0  # steps before the one that makes the first saved state
-    between: int = 0  # steps from one saved state to the next, less 1
+    between: int = 0  # steps from one saved state to the next, minus 1
     trajectories: int = 0
     ended: int = 0  # address of bits of lanes (lines,) that have ended
     passed: int = 0  # address of bits of lanes that have passed a pole or ended
@@ -39,9 +39,9 @@ class DriverArguments(NamedTuple):
     pivoting_arguments: int = 0  # address of its array
     # The place in the loops: the code returns when the budget is spent, and continues from there.
     budget: int = 0  # calls of `pivoting_step` that are left
-    line: int = 0  # the first of a block
+    line: int = 0  # the first line of a block
     n: int = 0  # the next step
-    stage: int = 0  # of this step
+    stage: int = 0  # number of the next stage of this step
     until: int = 0  # steps before the next one that makes a saved state
     row: int = 0  # address of the next saved states
 

@@ -164,7 +164,7 @@ call_code.py_func, array_at.py_func = _call_code, _array_at
 class Tiered:
     """A function of which Python interprets small calls at first; later it is compiled."""
 
-    seconds = 0.0  # that interpreted calls have taken
+    seconds = 0.0  # seconds that interpreted calls have taken
 
     def is_warming_up(self, seconds):
         """Return True if a call of `seconds` may be interpreted: all of them take < WARM_UP."""
@@ -259,7 +259,7 @@ class CFunction(Tiered):
             return ctypes.cast(self._callback, ctypes.c_void_p).value
         return self._address_of_code
 
-    @cached_property  # which keeps it alive
+    @cached_property  # the cache keeps the callback alive
     def _callback(self):
         function = as_python(self.py_func)
 

@@ -14,7 +14,7 @@ class Span(NamedTuple):
     start: int
     stop: int
     every: int  # states with numbers that are multiples of `every` are saved; none if it is 0
-    row: int  # of `saved`, for the first state that the call saves
+    row: int  # row of `saved` for the first state that the call saves
 
 
 class Output(NamedTuple):
@@ -32,4 +32,4 @@ class Output(NamedTuple):
         return Output(*(a[:, trajectories] if axis else a[trajectories] for a, axis in pairs))
 
 
-AXES = Output(saved=1, final=0, carry=1, status=0, failed_at=0)  # of trajectories
+AXES = Output(saved=1, final=0, carry=1, status=0, failed_at=0)  # axes of trajectories

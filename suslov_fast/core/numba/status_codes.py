@@ -7,8 +7,8 @@ SINGULAR = -1  # there is no next state, because the state is on a pole
 NONFINITE = -2  # the next state is out of the range of float64, or state 0 is NaN
 # Along a motion:
 ENDED = -3  # the solution ends: a pole or an escape
-SLIDING = -4  # it slides along a surface of f
-TOO_MANY_STEPS = -5  # it takes too many steps from one time to the next
+SLIDING = -4  # the solution slides along a surface of f
+TOO_MANY_STEPS = -5  # the motion takes too many steps from one time to the next
 ACCUMULATES = -6  # events accumulate: actions follow one another without end
 STOPPED = 3  # finished; an event ended it
 # Of equilibria:

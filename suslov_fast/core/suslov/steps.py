@@ -29,7 +29,7 @@ from .map_3d import (
 )
 
 ONE, LANES, NO = np.int64(1), np.int64(128), np.bool_(False)  # typed, as ZERO
-FEW = 6  # trajectories, which take less time one by one than all lanes of a block
+FEW = 6  # so few trajectories take less time one by one than all lanes of a block
 # Plain steps, of which only the last one sets a decayed X to 0. A test at each step would take a
 # fifth longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
 DECAYING = np.int64(16)

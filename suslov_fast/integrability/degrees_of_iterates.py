@@ -88,7 +88,7 @@ def agreed_degrees(map: RationalMap) -> Iterator[int]:
 
 
 def _degrees_on_a_line(map: RationalMap, p: int, eps: Values) -> Iterator[int]:
-    """Yield degrees of iterates on a random line modulo p, until an image of it has no image."""
+    """Yield degrees of iterates on a random line modulo p, until the line has no further image."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
     while True:
         try:

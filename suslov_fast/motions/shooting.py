@@ -208,7 +208,7 @@ class Shooting:
         return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
 
     def _improved(self) -> Shooting:
-        """Return arcs with smaller gaps, after a step or a fraction of it; else these arcs."""
+        """Return arcs with smaller gaps, after a step or a fraction of a step; else these arcs."""
         change, of_T = self._step()
         for k in range(_HALVINGS):
             nodes, T = self.nodes + change / 2**k, self.T * float(np.exp(of_T / 2**k))

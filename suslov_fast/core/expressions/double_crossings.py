@@ -277,7 +277,7 @@ def _is_steep(rates, zeros):
     """Return the truth value that the rates of a surface s show a sharp minimum of s in a step.
 
     `rates` are ds/du at five points; up to `zeros` they count as 0. A minimum lies between a
-    negative and a positive rate. It is sharp if the line through both misses a neighbouring rate.
+    negative and a positive rate. It is sharp if the line through both misses the rate beside it.
     """
     is_steep = None
     for k, (u, v) in enumerate(pairwise(_FRACTIONS)):

@@ -147,7 +147,7 @@ class ElapsedTime:
         return number
 
     def _without_turns(self, q):
-        """Return the operand of a phase: the operand q, less whole turns of 2 pi if it is large."""
+        """Return the operand of a phase: the operand q, minus whole turns of 2 pi if q is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
         return (abs(q) > _LARGE).select(rest, q).number

@@ -179,7 +179,7 @@ def _is_power_of_2(operand):
 
 
 def folded(emit, name, of):
-    """Emit an operation, whose truth values may be True or False; so may the returned operand."""
+    """Emit an operation; truth values of operands and of the result may be True or False."""
     if name in OF_TRUTH_VALUES and all(isinstance(a, (float, bool)) for a in of):
         return bool(FUNCTIONS[name](*of))
     if not any(isinstance(a, bool) for a in of):

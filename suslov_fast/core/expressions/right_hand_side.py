@@ -203,9 +203,9 @@ class RightHandSide:
 def _signs_of_poles(values, f, quotients):
     """Return numbers of values that change sign at poles of quotients (number, dividend, divisor).
 
-    Each quotient has two: the divisor if the dividend is positive, else 0; and the divisor if the
-    dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where f, a `Program`, does not use
-    the quotient. They are added to the `Expressions` `values`.
+    Each quotient has two values: the divisor if the dividend is positive, else 0; and the divisor
+    if the dividend is negative, else 0. So 0 / 0 is no pole. Where f, a `Program`, does not
+    use the quotient, both values are 0. They are added to the `Expressions` `values`.
     """
     emit, is_taken, signs = values.emit, _taken(values, f), []
     for number, a, b in quotients:
@@ -219,8 +219,8 @@ def _taken(values, f):
     """Return {number of a value: operand of the truth value that results of f depend on it}.
 
     f is a `Program` in the `Expressions` `values`. The operand is True if results always depend on
-    the value. They do not where `select` chooses another value, or where the other factor of a
-    product is 0; such a factor is a `select`, or depends on parameters alone.
+    the value. Results do not depend on it where `select` chooses another value, or where the other
+    factor of a product is 0; such a factor is a `select`, or depends on parameters alone.
     """
     emit, is_taken = values.emit, {a: True for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):

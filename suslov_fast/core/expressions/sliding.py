@@ -320,7 +320,7 @@ class SlidingEquations(_Rates):
 def _leads_to(mode, below, above, part):
     """Return the truth value that f leads from a surface to a mode: to its side, or back to s = 0.
 
-    `below` and `above` are ds/dt on both sides; a rate must be at least `part` of the other one.
+    `below` and `above` are ds/dt on both sides; each must be at least `part` of the other rate.
     """
 
     def leads(rate, other):

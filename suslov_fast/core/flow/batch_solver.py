@@ -279,7 +279,7 @@ class BatchSolver:
         return found
 
     def _take(self, block, abandoned, flat=None):
-        """Take all steps of the slice `block`, in rows `flat` if given; stop if `abandoned`."""
+        """Take all steps of slice `block` (rows `flat` if given) until `abandoned` has an entry."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH

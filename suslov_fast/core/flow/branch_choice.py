@@ -187,7 +187,7 @@ def _put_ahead(code, x, f, signed):
 
 
 def _choose(code, truth, acted):
-    """Choose branches in lanes `truth`; update f, and derivative columns if no event `acted`."""
+    """Choose branches in lanes `truth`; update f, and columns unless an event `acted`."""
     text, work, f = code.text, code.work, code.f
     has_columns = f.columns and f.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
@@ -303,7 +303,7 @@ def _put_choices(code, truth, kinds, rows, place):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write the interval of a `Table` that holds argument + shift, less the shift, to f's table.
+    """Write to f's table the interval of a `Table` that holds argument + shift, minus the shift.
 
     `argument` is a row, and `shift` the place of the shift in f's table, or None. The interval goes
     to `place` and the three places after it, in lanes with bit 1 in `bits`.

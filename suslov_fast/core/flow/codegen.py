@@ -29,7 +29,7 @@ class FunctionCode:
 
 
 class StepCode(FunctionCode):
-    """A function that takes steps of lines, SIMD packs of W lanes: its arrays and operations.
+    """Arrays and operations of a function that takes steps of lines, SIMD packs of W lanes.
 
     of        the arguments of the code, see `CodeArguments`
     line      an array for each part of `memory.rows_of_trajectory`
@@ -51,7 +51,7 @@ class StepCode(FunctionCode):
         return Truth(text, text.new(f"icmp ne {text.I} {own}, {zero}")).any()
 
     def columns(self, x, f, count):
-        """Write the ends of the first `count` columns, less x, to `work.ends`; f is f(x)."""
+        """Write the ends of the first `count` columns, minus x, to `work.ends`; f is f(x)."""
         self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
 
     @property
@@ -142,7 +142,7 @@ class StepCode(FunctionCode):
             to[clock] = rates[clock] * (sign * time)
 
     def keep(self, rows, found, truth=None):
-        """Write each found[name] to the row `name` of `rows`, in lanes `truth`, or in all lanes."""
+        """Write found[name] to the row `name` of `rows`, for each name, in lanes `truth` or all."""
         for name, value in found.items():
             own = getattr(rows, name)
             own.put_chosen(0, value if truth is None else truth.select(value, own[0]))

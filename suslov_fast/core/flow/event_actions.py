@@ -288,7 +288,7 @@ def _look_at_end(code):
 
 
 def _look_a_moment_later(code):
-    """Write the numbers of each surface to the row `ahead`, at MOMENT * length after the step."""
+    """Write the numbers of surfaces, MOMENT * step length after the step, to the row `ahead`."""
     work = code.work
     signed = code.number("sign") * (MOMENT * work.taken[0])
     for i in code.text.each(code.D):
@@ -322,7 +322,7 @@ def _most(events):
 
 
 def most_records(events, equal):
-    """Return how many records a trajectory may add at one instant, with `equal` equal given times.
+    """Return how many records a trajectory may add at one instant; `equal` given times coincide.
 
     Events on surfaces act in rounds; in each round but the last some event acts. Events that only
     record may do so in every round.

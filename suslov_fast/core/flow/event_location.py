@@ -445,12 +445,12 @@ def _put_point(code, u, to):
 
 
 def _read(code):
-    """Return an iterator: `for i in` it adds a loop over the components that surfaces read."""
+    """Return an iterator; a `for` over it adds a loop over the components that surfaces read."""
     return code.text.listed(code.integrator.read)()
 
 
 def _find_quartic(code):
-    """Write `QUARTIC`, factors of u**2 (1 - u)**2 in components inside a step, to `quartic`."""
+    """Write results of `QUARTIC`, for components that surfaces read, to the row `quartic`."""
     text, work = code.text, code.work
     u = text.value(POINTS[0])
     for i in text.each(code.D):

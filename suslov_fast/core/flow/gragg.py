@@ -175,7 +175,7 @@ class ExplicitColumns(FunctionCode):
         return {}
 
     def pair_of_rows(self, rows_a, rows_b, table, double, factor):
-        """Add `pair`, two sub-steps, to rows of a and b with inlined f; return {i: rate}, f(a)."""
+        """Add the two sub-steps of `pair` with inlined f; return the rates f(a) as {i: rate}."""
         (of_a, of_b), (A, B) = self.names, self.rows
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)

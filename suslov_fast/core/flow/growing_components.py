@@ -32,9 +32,9 @@ from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # in place of `lost`
-LATER = 1.001  # times another end: both may be at the same pole
-# Growth in a step, by the exponent: of the next implicit step, which is four times as long, and of
-# an explicit step that has lost 1e-6 of it. Explicit steps lose (a h / MOST)**10 of exp(a h).
+LATER = 1.001  # the ratio of two times of ends up to which both may be at the same pole
+# Exponents a h of growth in a step: NEXT in an implicit step, after which one may be four times as
+# long; LONG in an explicit step that loses 1e-6 of its growth, (a h / MOST)**10 of exp(a h).
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
 # In each of at most ROUNDS rounds components that do not grow keep a part of their values: LESS in
 # the first half, LITTLE_LESS in the second, so that it does not go past values that all grow.
@@ -63,9 +63,8 @@ def many_of(rtol):
 def some_of(rtol, keeps):
     """Return the least error of an explicit step, relative to a component, that counts.
 
-    It is rtol at 1e-6 and 100 rtol at 1e-9 if the component keeps its sign (`keeps` is 1), and more
-    for others, which pass through 0. For implicit steps, which watch closely, it is OF_IMPLICIT of
-    this.
+    With rtol 1e-6 it is rtol, and with 1e-9 100 rtol, if the component keeps its sign (`keeps` is
+    1). For components that pass through 0 it is more. In implicit steps OF_IMPLICIT of it counts.
     """
     return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
 

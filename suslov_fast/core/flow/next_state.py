@@ -15,7 +15,7 @@ def _changes_sign(x, new):
 
 @scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return `new`, with the sign of x if `keeps` is 1, and `kept`, 0 if a large `new` has lost it.
+    """Return `new`, with the sign of x if `keeps` is 1, and `kept`, 0 if a large `new` had another.
 
     Large is above extra + rtol * `size`, the size of x. Without `keeps` any sign may come.
     """

@@ -13,7 +13,7 @@ EDGE = 2.0**-38  # part of the time: a solution that ends so near to a surface e
 
 
 class ScalarKernel(NamedTuple):
-    """An expression program with names of its `inputs`, its first values, and of `results`."""
+    """An expression program with names: of its first values, `inputs`, and of its `results`."""
 
     inputs: list
     operations: list

@@ -177,7 +177,7 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Return whether a step is `accepted`, or has `served` its time aside, and rows for the next.
+    """Return whether a step is `accepted`, whether a step aside has `served`, and the next rows.
 
     `taken` is its length. `ratio` is max error / allowed error, `of_length` the ratio for the next
     length; `apart` is large in false steps. `total` is finite if f_next is, and `kept` is 0 if a
@@ -210,7 +210,7 @@ def AFTER(
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run; states, ENDED if wanted < shortest * t; and where tries > most."""
+    """Return which lanes run, states (ENDED if wanted < shortest * t), and where tries > most."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)

@@ -55,7 +55,7 @@ _FUNCTION = _FORMULA | {"forceinline": False}
 
 
 def free_in_children(lock):
-    """Keep a lock free in children: one forked while a thread has it would wait without end."""
+    """Keep a lock free in forked children, which would wait for a thread that they lack."""
     if hasattr(os, "register_at_fork"):  # Windows has no fork
         os.register_at_fork(
             before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release
@@ -307,7 +307,7 @@ class Kernel(Tiered):
     def interpreted_or_serial(self, seconds, *arguments):
         """Call the kernel for all of the work, in this thread: in Python, or compiled.
 
-        `seconds` is about how long Python takes. It takes the call if nothing is compiled, also in
+        `seconds` is about how long Python takes. Python takes the call if no code is compiled or in
         the cache, and if all such calls of this kernel take less than WARM_UP together.
         """
         if self.is_compiled or not self.is_warming_up(seconds) or self._is_kept(arguments):

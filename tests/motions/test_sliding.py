@@ -15,9 +15,9 @@ MOST_UNDECIDED = 8  # of COUNT cases that the reference leaves undecided, or tha
 class Family:
     """A random family of equations with signs m of surfaces s(x): f(x, m, p) with parameters p."""
 
-    def __init__(self, names, f, surfaces, slopes, ranges, starts, time):
+    def __init__(self, names, f, surfaces, ranges, starts, time):
         rng = np.random.default_rng(11)
-        self.f, self.surfaces, self.slopes, self.time = f, surfaces, slopes, time
+        self.f, self.surfaces, self.time = f, surfaces, time
         self.parameters = {
             name: rng.uniform(*pair, COUNT) if len(pair) == 2 else rng.choice(pair, COUNT)
             for name, pair in ranges.items()
@@ -29,19 +29,11 @@ class Family:
 
         self.field = Field(right, names, **self.parameters)
 
-    def numbers(self, k):
-        return {name: float(values[k]) for name, values in self.parameters.items()}
-
     def right(self, k):
         """Return the reference's last state of case k."""
-        p = self.numbers(k)
-        return solution(
-            lambda x, m: self.f(x, m, p),
-            lambda x: self.surfaces(x, p),
-            lambda x: self.slopes(x, p),
-            self.starts[k],
-            self.time,
-        )[0]
+        p = {name: float(values[k]) for name, values in self.parameters.items()}
+        f, surfaces = lambda x, m: self.f(x, m, p), lambda x: self.surfaces(x, p)
+        return solution(f, surfaces, self.starts[k], self.time)[0]
 
 
 def _network(x, m, p):
@@ -77,7 +69,6 @@ FAMILIES = {
         "x v",
         lambda x, m, p: (x[1], -x[0] - p["c"] * x[1] - p["k"] * m[0]),
         lambda x, p: [x[1] - p["b"]],
-        lambda x, p: [[0, 1]],
         {"k": (0.1, 0.8), "b": (0.1, 0.8), "c": (0, 0.2)},
         [UNIT, UNIT],
         20.0,
@@ -89,7 +80,6 @@ FAMILIES = {
             -x[0] - p["k"] * m[0] * (0.5 + 0.5 / (1 + 2 * m[0] * (x[1] - p["b"]))),
         ),
         lambda x, p: [x[1] - p["b"]],
-        lambda x, p: [[0, 1]],
         {"k": (0.3, 0.8), "b": (0.1, 0.6)},
         [UNIT, UNIT],
         30.0,
@@ -103,7 +93,6 @@ FAMILIES = {
             1.0,
         ),
         lambda x, p: [x[0] + p["c"] * x[1] + x[2]],
-        lambda x, p: [[1, p["c"], 1, 0]],
         {"k": (3, 6), "c": (1.5, 3), "d": (0, 0.8), "a": UNIT},
         [UNIT, UNIT, UNIT, (0, 0)],
         20.0,
@@ -117,7 +106,6 @@ FAMILIES = {
             -x[2] + p["q"] * (x[0] - x[2]) - p["l"] * m[1],
         ),
         lambda x, p: [x[1] - 0.3, x[3] - 0.3],
-        lambda x, p: [[0, 1, 0, 0], [0, 0, 0, 1]],
         {"k": (0.2, 0.8), "l": (0.2, 0.8), "q": (0.3, 2)},
         [UNIT] * 4,
         15.0,
@@ -132,7 +120,6 @@ FAMILIES = {
             1.0,
         ),
         lambda x, p: [x[1], x[1] - x[3]],
-        lambda x, p: [[0, 1, 0, 0, 0], [0, 1, 0, -1, 0]],
         {"k": (0.1, 0.4), "l": (0.1, 0.5), "M": (0.5, 2), "F": (0.8, 2), "w": (0.5, 1.5)},
         [UNIT, UNIT, (0, 0), UNIT, (0, 0)],
         20.0,
@@ -145,7 +132,6 @@ FAMILIES = {
             1.0,
         ),
         lambda x, p: [x[0] + p["e"] * x[1] - 20],
-        lambda x, p: [[1, p["e"], 0]],
         {"a": (0.1, 0.4), "b": (0.5, 2), "k": (8, 15), "g": (0.5, 3), "e": (0.1, 0.5)},
         [(10, 22), (0, 3), (0, 6)],
         20.0,
@@ -154,7 +140,6 @@ FAMILIES = {
         "x y",
         _halves,
         lambda x, p: [x[0] - 0.2 * x[1]],
-        lambda x, p: [[1, -0.2]],
         {f"{a}{i}": (-1, 0.2) if a in "ad" else UNIT for a in "abcdeg" for i in (1, 2)},
         [UNIT, UNIT],
         5.0,
@@ -166,7 +151,6 @@ FAMILIES = {
             p["w"] * x[0] + p["r"] * x[1] - p["k"] * p["q"] * m[0] * x[1],
         ),
         lambda x, p: [x[0] ** 2 + p["e"] * x[1] ** 2 - 1],
-        lambda x, p: [[2 * x[0], 2 * p["e"] * x[1]]],
         {"r": (-0.2, 0.4), "w": (0.5, 2), "k": (-0.1, 0.5), "q": (0, 1), "e": (0.4, 2)},
         [UNIT, UNIT],
         10.0,
@@ -175,7 +159,6 @@ FAMILIES = {
         "x y z",
         _network,
         lambda x, p: [x[i] - p[f"h{i}"] for i in range(3)],
-        lambda x, p: np.eye(3),
         {f"k{i}": (0.8, 2) for i in range(3)}
         | {f"q{i}": (-1.0, 1.0, 1.0) if i else (-1.0, -1.0, -1.0) for i in range(3)}
         | {f"h{i}": (0.3, 0.7) for i in range(3)}
@@ -187,7 +170,6 @@ FAMILIES = {
         "x y",
         _quadrants,
         lambda x, p: [x[0] - 0.5, x[1] - 0.5],
-        lambda x, p: np.eye(2),
         {f"a{i}{j}": (-1, 2) for i in range(2) for j in range(4)},
         [(0, 1.2)] * 2,
         10.0,

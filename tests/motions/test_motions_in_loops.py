@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from hybrid import SYSTEMS
 from numba import njit, prange
 from systems import oregonator, van_der_pol
 
@@ -25,13 +26,6 @@ CASES = {
     "smooth": (PENDULUM, [1.0, 0.3], (0.0, 1e-3, 20.0, -3.0), ()),
     "stiff in parts": (VAN_DER_POL, [2.0, 0.5], (1.0, 2000.0), ()),  # turns often
     "a late clock": (DRIVEN, [0.4, 0.1, 1.7e9], (0.0, 5.0, -5.0), ()),
-    "relay": (Field(lambda x: (x[1], -np.where(x[0] > 0, 1, -2)), 2), [0.5, 1.0], (9.0,), ()),
-    "table": (
-        Field(lambda s: (np.interp(s[1], [0, 1, 2], [0, 1, -1]) - s[0], 1.0), "x t"),
-        [0.2, 0.3],
-        (1.0, 4.0),
-        (),
-    ),
     "functions of parameters": (
         Field(lambda x, a, b: (np.sin(a * b) * x[1], -np.exp(-a / b) * x[0]), 2, a=0.3, b=0.7),
         [1.0, 0.5],
@@ -42,12 +36,11 @@ CASES = {
     "no value": (PENDULUM, [np.nan, 1.0], (1.0,), ()),
     "bounces": (BALL, [1.0, 0.0], (0.1, 3.0), BOUNCE),
     "terminal": (BALL, [1.0, 0.0], (3.0,), [BOUNCE, Event("h", direction=1, terminal=True)]),
-    "doses": (
-        Field(lambda x, k: (-k * x[0],), "c", k=0.1),
-        [1.0],
-        (0.0, 10.0, 60.0),
-        Event(times=[0, 24, 48], to=lambda x: (x[0] + 100,)),
-    ),
+    **{
+        name: (Field(own.f, own.names, **own.parameters), own.start, (own.time,), own.events)
+        for name, own in SYSTEMS.items()
+        if name in ("jumps of an acceleration", "a table of the state", "doses")
+    },
     "terms": (Field.from_terms([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]]), [0.3, 0.2], (7.0,), ()),
 }
 

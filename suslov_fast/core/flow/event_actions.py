@@ -187,8 +187,8 @@ def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, l
 def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
     """Return `state`, `often`, and the time `at` of actions, or the `limit` where they accumulate.
 
-    They accumulate if they are `endless` at one instant, or if `often` + `more`, the number in a
-    row at once, reaches ACTIONS_AT_ONCE. `most` bounds `actions`; `total` is finite if f is.
+    They accumulate if they are `endless` at one instant, or if `often` + `more`, the number of
+    actions at once, is ACTIONS_AT_ONCE. `most` bounds `actions`; `total` is finite if f is.
     """
     often_now = (more > 0.0).select(often + more, 0.0)
     piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)

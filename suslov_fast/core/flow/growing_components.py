@@ -158,7 +158,7 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
     """Return `lost`, RELATIVE for an alarm, and `watches`, more than 0 if digits are lost.
 
     `watches` is infinite for an alarm. Of components below their allowed errors, `grows` is 1 if
-    one grows by more than exp(LONG) in such a step, and `below` is their largest `lost`.
+    one of them grows by more than exp(LONG) in this step, and `below` is their largest `lost`.
     """
     size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
     is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
@@ -197,8 +197,8 @@ def RAISED(before, new, some, lost):
 def add_watch(text, integrator, name, for_each):
     """Add the function void small(arguments) to `text`, which updates `lost` and finds alarms.
 
-    It does so in lanes where the row `alerts` is 1. `name` begins all names; `for_each`: each lane
-    has a table.
+    It does so in lanes where the row `alerts` is 1. `name` begins all names. With `for_each` each
+    lane has a table.
     """
     with text.function(f"{name}_small", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -227,7 +227,7 @@ def watch(code, alerts, on_trial):
     """Watch components after a step, in lanes where `alerts` is 1.
 
     Explicit steps watch components without digits in every second step, and at the end. Errors that
-    a second trial allows (`on_trial` is 1) are rounding of the component.
+    a second trial allows (`on_trial` is 1) are rounding of the component, and do not count.
     """
     line, work, text = code.line, code.work, code.text
     watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0

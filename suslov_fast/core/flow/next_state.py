@@ -17,7 +17,7 @@ def _changes_sign(x, new):
 def KEPT(x, new, keeps, kept, extra, rtol, size):
     """Return `new`, with the sign of x if `keeps` is 1, and `kept`, 0 if a large `new` had another.
 
-    Large is above extra + rtol * `size`, the size of x. Without `keeps` any sign may come.
+    Large is above extra + rtol * `size`, the size of x. If `keeps` is 0, any sign is right.
     """
     changes = _changes_sign(x, new) & (keeps > 0.0)
     is_large = abs(new) > extra + rtol * size

@@ -43,7 +43,7 @@ TINY_STEP = 2.0**-40  # part of the time
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """Return `beside`, a component that differs by rounding from `state`, at a point of a step.
 
-    A clock (`counts` = 0) is later. Other components differ in a direction `seeds` * `multiple`, as
+    A clock (`counts` = 0) is ahead. Other components differ in a direction `seeds` * `multiple`, as
     if by chance, by a part of |state| at the ends x and `new` (`is_end` = 1). Between the ends it
     is a part of the larger of |x| and |new|, as x may be 0. `move` is added.
     """
@@ -58,7 +58,7 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 def BESIDE_POINTS(most, least, largest, second, is_end):
     """Update `least`, `largest` and `second` by `most`, the largest change of f beside one point.
 
-    `least` is for the end (`is_end` is 1) with less; the others are the two largest of all points.
+    `least` is the smaller change at both ends (`is_end` is 1), the others the largest anywhere.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
@@ -77,8 +77,8 @@ def SECOND(
     `ratio` is the largest `error` / allowed error, and `of_apart` the same of `apart`, which shows
     false steps. `of_length`, for the next length, omits errors that only rounding allows, which do
     not shrink with the step. `inverse` is 1 / allowed error of the component. `least` is
-    the smaller change of f at both ends, because f may be steep at one of them. In a step not much
-    longer than the rounding of time `largest` counts: its sub-steps see little but rounding. The
+    the smaller change of f at both ends, because f may be steep at one of them. If the step is not
+    much longer than the rounding of time, `largest` counts: sub-steps see little but rounding. The
     sum of columns makes these changes larger by `grows`. If an error is below the rounding of
     `top`, the largest component, the `second` largest change of all points counts, too.
     """

@@ -98,7 +98,7 @@ def solve_small_batch(f, table, x0, request):
     states    (count, B, D) at the times, NaN where they are not reached
     columns   of `COLUMNS` by name, and `records` (arrays of the actions of events), if all
               trajectories have reached the last time without an alarm; else None
-    begun     None with `columns`, else (rows, table, records), so that `BatchSolver.run` continues
+    begun     (rows, table, records) if `columns` is None, from which `BatchSolver.run` continues
     """
     B, starts, records, count = len(x0), None, [], len(request.times)
     if f.offsets:

@@ -100,7 +100,7 @@ def _criticality(problem: Problem) -> FloatArray:
     T = in_range(abs(eps) * size) / np.hypot(2.0 * np.sqrt(I1 * I2), step)
     near = (k != 0.0) | (abs(T - 1.0) < 1e-6)
     if near.any():
-        frame = map_3d.frame_of.of_arrays(I1, I2, I13, I23, k, eps)  # with the bits of steps
+        frame = map_3d.frame_of.of_arrays(I1, I2, I13, I23, k, eps)  # same bits as in steps
         X, Y = map_3d.XY_in_frame.of_arrays(frame, I13, I23, k, w1, w2)
         beyond = map_3d.is_supercritical.of_arrays(frame, X, Y)
         T = np.where(near & beyond & (T < 1.0), 1.0, T)

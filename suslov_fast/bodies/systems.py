@@ -12,7 +12,7 @@ from .rigid import Suslov3D
 AnyBody = Suslov3D | SuslovND
 BodyOrField = AnyBody | Field
 MapOrField = BodyOrField | Map  # what `iterate` takes
-System = MapOrField | Callable[..., Any]  # with functions of the state in place of fields
+System = MapOrField | Callable[..., Any]  # a function of the state may replace a field
 
 _NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(MapOrField)}
 

@@ -25,8 +25,8 @@ def exact(name: str, value: Any) -> Fraction:
     if isinstance(value, complex):
         how = "split complex variables into real and imaginary parts"
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
-    if getattr(value, "is_number", False) and not is_ratio:  # of SymPy, such as sqrt(2)
-        with suppress(TypeError):  # if it is complex
+    if getattr(value, "is_number", False) and not is_ratio:  # a number of SymPy, such as sqrt(2)
+        with suppress(TypeError):  # complex numbers raise it
             value = float(value)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = "None" if value is None else f"the {kind_of(value)} {short(value)}"

@@ -28,7 +28,7 @@ from .trace import called_by_name
 # Names of parts other than the named parameters. They contain spaces, because a parameter can have
 # any name that Python accepts.
 NAMES, EQUATIONS = "names of variables", "equations of f"
-INDICES, VALUES = "indices of f", "values of f"  # of a field of terms
+INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
 # Attributes that are the same for all parameters, if these are numbers.
 _COMMON = {*"_coordinates dimension names _labels _equations shape _tables_of_time".split()}
 

@@ -24,7 +24,7 @@ class ComposedMap(RationalMap):
     def __init__(self, stages: Sequence[RationalMap], *more: Any) -> None:
         super().__init__(stages[0].forms, *more)
         self.stages = [*stages]
-        del self.forms  # of the first stage, to make place for the property
+        del self.forms  # the forms of the first stage would hide the property
 
     @cached_property
     def forms(self) -> list[Any]:

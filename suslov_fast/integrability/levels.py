@@ -262,7 +262,7 @@ class _Equations:
         The direction d has the coordinates x1, x2 and 1 at these places, and 0 at the others.
         """
         one = self.plane.constant(1)
-        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # in the other ring
+        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in the other ring
         d = [0 * one] * len(x)
         for k, a in zip(kept, (*self.plane.gens()[-2:], one), strict=True):
             d[k] = a

@@ -252,7 +252,7 @@ class _RelationsOnLine:
         a, b = (arithmetic.random_point(map.dimension, self.p, rng)[:-1] for _ in range(2))
         self.line = list(zip(a, b, strict=True))  # a + b t
         self.parameters: list[int] = []
-        self.coefficients: list[list[list[int]]] = []  # by point, circuit and monomial
+        self.coefficients: list[list[list[int]]] = []  # coefficients by point, circuit and monomial
 
     def extend(self, count: int) -> None:
         """Compute the relations of further points of the line, until there are `count` points."""

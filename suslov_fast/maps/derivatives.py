@@ -47,7 +47,7 @@ def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -
 def _with_derivative(kernel_arguments: Any, x: FloatArray, carry_and_statuses: Any, n: int) -> Any:
     """Take step n from x (B, D); return the next states, and the derivatives (B, D, D) there."""
     (step, stages), values, eps = kernel_arguments
-    if (f := step.of) is not None:  # of a map of the user
+    if (f := step.of) is not None:  # a map of the user
         slopes = f.jacobian(x.T, f.table_of(values.T))
         return _take(kernel_arguments, x, carry_and_statuses, n, n + 1), np.moveaxis(slopes, 2, 0)
     scheme, product = scheme_of(step.indices, step.D), np.eye(step.D)
@@ -77,7 +77,7 @@ def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
     of_problem = problem.body, problem.eps, problem.batch
     if method.kernel is field_steps and method.divide is None:
         yield ALL, method.arguments(*of_problem)
-    else:  # of a field, or of the field of a body
+    else:  # a field, or the field of a body
         yield from by_zeros(by_scheme(*of_problem, problem.map.stages))
 
 

@@ -31,9 +31,9 @@ class Discretization:
     """
 
     name: str  # a unique name, which files contain
-    title: str  # in plots and datasets
+    title: str  # title in plots and datasets
     body: type[Any]  # the class of the bodies
-    methods: Mapping[str, StepMethod]  # by the argument `method`; the default is first
+    methods: Mapping[str, StepMethod]  # methods by the argument `method`; the default is first
     # The functions of `kahan`, and the methods of the class that accept a state, by their names.
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE  # the fractions of eps of the steps of Kahan's map in one step

@@ -47,7 +47,7 @@ STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step, wit
     lanes=32,
     notes_poles=True,
 )
-GAUSS = STEPS_ND._replace(  # the same map by elimination
+GAUSS = STEPS_ND._replace(  # the map of bodies in n dimensions, by elimination
     kernel=steps_nd.gauss_steps,
     cost=lambda D, arguments: D**3 / 3.0,
     system=lambda body, eps: steps_nd.GaussSystem(*nd_system(body, eps)),

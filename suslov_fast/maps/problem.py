@@ -18,7 +18,7 @@ class Problem(NamedTuple):
     eps: float | FloatArray  # 0 if there is no step size
     batch: tuple[int, ...]  # the shape to which all parts broadcast
     threads: int | None = None
-    name: str = "omega"  # of the states, in messages
+    name: str = "omega"  # name of the states, in messages
     method: str = "auto"
     orientation: FloatArray | None = None  # (..., n, n)
 

@@ -275,7 +275,7 @@ def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
     """
     square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
     along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
-    return np.where(square > 0, along * direction, x)  # if it is 0, all states are steady
+    return np.where(square > 0, along * direction, x)  # if `square` is 0, all states are steady
 
 
 class _Equations:

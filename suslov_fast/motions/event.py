@@ -136,7 +136,7 @@ class Event:
         if to in ("up", "down", "both"):
             raise wrong("to", _NEW_STATE, f"{to!r}: pass direction={to!r}")
         to = to.tolist() if isinstance(to, np.ndarray) else to
-        to = [to] if isinstance(to, (str, int, float)) else to  # for a single variable
+        to = [to] if isinstance(to, (str, int, float)) else to  # one variable has one value
         if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
             to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
         elif to is not None and not callable(to):
@@ -171,7 +171,7 @@ class Event:
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
         times = self.times
-        if times is not None:  # with None in place of NaN, which JSON lacks
+        if times is not None:  # None replaces NaN, which JSON lacks
             times = np.where(np.isfinite(times), times, np.array(None)).tolist()
         entries = {
             "surface": self.surface,

@@ -84,7 +84,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
 
 def checked_settings(system: Any, *given: Any) -> Settings:
     """Return `Settings` from the values of their fields, after checks; TypeError for a `Map`."""
-    _ = system._has_eps or system._field  # which raises for a `Map`
+    _ = system._has_eps or system._field  # `_field` raises for a `Map`
     if [*map(type, given)] == _RTOL_ALONE:
         return _settings(given, 0)  # for speed in small calls
     return _settings.__wrapped__(given, system.dimension)

@@ -18,7 +18,7 @@ def to_xarray(run: Any, batch: Sequence[str] | None = None) -> Any:
     is_of_map = hasattr(type(run), "n")
     has_eps = is_of_map and body._has_eps
     arrays = {"eps": np.asarray(run.eps), **body._arrays} if has_eps else body._arrays
-    parameters = {  # with all axes of the batch
+    parameters = {  # parameters with all axes of the batch
         name: np.array(a, ndmin=count + body._axes.get(name, 0)) for name, a in arrays.items()
     }
     batch = tuple(_batch_names(run, parameters) if batch is None else batch)

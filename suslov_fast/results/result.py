@@ -31,7 +31,7 @@ class Result:
     states: FloatArray
     body: Any
     status: Any
-    _called: ClassVar[str] = "a run"  # in messages
+    _called: ClassVar[str] = "a run"  # name of the result in messages
     _by_number: ClassVar[str] = "run.states[k], or run.member(k) for one trajectory"
 
     def __post_init__(self) -> None:
@@ -257,7 +257,7 @@ class States(Result):
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
         >>> run.plot("time").figure.savefig("over_time.png")  # doctest: +SKIP
         """
-        from . import figures  # which imports Matplotlib
+        from . import figures  # this imports Matplotlib
 
         count = len(self.states)
         if count < 3 and self.status.size == 1 and "map" not in vars(self):

@@ -153,7 +153,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     branches = Branches(in_order, P, places, bool(groups))
     choices_of_jumps = range(D + P, D + P + branches.jumps)
     fixed = Expressions(given, range(D, choices_of_jumps.stop))
-    tests = Expressions(given, values.fixed)  # of the conditions
+    tests = Expressions(given, values.fixed)  # tests of the conditions
     new, of_branches, truths, shifts = _with_choices(
         operations, fixed, tests, D + P, surfaces, shifted, groups
     )

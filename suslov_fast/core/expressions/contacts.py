@@ -89,8 +89,8 @@ class Contacts:
     def with_pull(self, f):
         """Return the rates f (D) with a second, smaller force at each contact.
 
-        It removes what rounding leaves of d2s/dt2, and pulls s and ds/dt to 0: their errors would
-        grow with the time and its square.
+        This force removes what rounding leaves of d2s/dt2, and pulls s and ds/dt to 0: their errors
+        would grow with the time and its square.
         """
         part, changes = self.values.number(self.values.modes[-2]), {}
         k = PULL * self.sign * (1.0 - part) / part

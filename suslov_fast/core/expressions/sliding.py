@@ -195,7 +195,7 @@ class SlidingEquations(_Rates):
     def _event(self, k, action):
         """Return the `EventAction` `action` of event k, which also sets the modes."""
         values = self.values
-        if k in self.contacts:  # it also begins and ends the rest there
+        if k in self.contacts:  # this event also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
             # A body that leaves its rest has no rate.
@@ -241,9 +241,9 @@ class SlidingEquations(_Rates):
     def _decided(self, x, surfaces, at=None):
         """Return operands of the state x, in which f leads to the modes of `surfaces`.
 
-        The solution arrives at the surface `at`, or leaves it, if it is not None; the modes of
-        other surfaces that it is not on stay. First each mode in turn follows from the rates on
-        both sides of its surface: it stays if f leads away on its side. Then several modes are
+        If `at` is not None, the solution arrives at this surface, or leaves it. Modes of other
+        surfaces stay unless the solution is on them. First each mode in turn follows from the rates
+        on both sides of its surface: it stays if f leads away on its side. Then several modes are
         decided together.
         """
         number, D = self.values.number, self.D
@@ -263,9 +263,9 @@ class SlidingEquations(_Rates):
     def _together(self, x, at):
         """Return the state x (operands) with the modes of several surfaces near it chosen together.
 
-        All of them slide if they can do so together, so that solutions go on that wind into the
-        point where the surfaces meet. Otherwise modes are as in x, or, for two surfaces, the only
-        consistent pair. The first mode is infinite if no pair is consistent or several are, if a
+        All modes slide if they can do so together, so that solutions continue when they wind into
+        the point where the surfaces meet. Otherwise modes are as in x, or, for two surfaces, the
+        only consistent pair. The first mode is infinite if no pair or several are consistent, if a
         state lies beyond its mode, or where solutions slide along two surfaces and the jump at one
         depends on the side of the other. `at` is as in `_decided`.
         """

@@ -47,7 +47,7 @@ class Memory(NamedTuple):
     columns: Any  # (parts, lanes, D + 1, D)
     bases: Any  # (parts, lanes, D), the states before a step
     halves: Any  # (parts, stages, 1 or lanes, T), h v of the terms
-    coefficients: Any  # the same in the order of runs
+    coefficients: Any  # (parts, stages, 1 or lanes, T), `halves` in the order of runs
     of_one: Any  # (parts, D (D + 3)), for `solve_at`
 
 

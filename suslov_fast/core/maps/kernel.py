@@ -179,7 +179,7 @@ class FieldSteps(Kernel):
 
     def parallel(self, threads, arguments, *others):
         step = arguments[0].step
-        if not (step.usual or step.is_sparse):  # it has no program
+        if not (step.usual or step.is_sparse):  # the field has no program
             take_dense(threads, arguments, *others)
             return
         if threads == 1:

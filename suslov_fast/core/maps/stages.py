@@ -9,7 +9,7 @@ import numpy as np
 class Stages(NamedTuple):
     """The stages of a step, one after the other: steps of Kahan's map by fractions of eps."""
 
-    fractions: tuple[float, ...]  # of eps
+    fractions: tuple[float, ...]  # fractions of eps, one for each stage
 
     def multiply(self, z):
         """Return x_next / x for a step of x' = mu x; `z` are numbers eps mu / 2; inf at poles."""
@@ -32,4 +32,4 @@ def distinct(fractions):
     return np.array(values), np.array([values.index(fraction) for fraction in fractions])
 
 
-WHOLE = Stages((1.0,))  # of Kahan's map itself
+WHOLE = Stages((1.0,))  # stages of Kahan's map itself

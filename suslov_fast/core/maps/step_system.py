@@ -66,7 +66,7 @@ _SHORT = 10**6  # operations of steps, after which Python handles Ctrl-C
 class FieldSystem(NamedTuple):
     """A field and a step size, or a map, for compiled loops; unpickling makes its code again."""
 
-    address: int  # of the code of `stage_code.text_of_stage`, 0 if there is none
+    address: int  # address of the code of `stage_code.text_of_stage`, 0 if there is none
     half: Any  # (stages, T), half of the step size times the values of the terms; of a map (1, 0)
     table: Any  # (stages, n), see `Step.table`
     indices: Any  # (3, T)

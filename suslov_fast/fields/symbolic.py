@@ -118,7 +118,7 @@ _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split(
 def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
     """Raise an error if a constant is infinite or NaN, and does not divide a number.
 
-    Functions such as `clip` and `where` accept them: in arithmetic no value depends on x then.
+    Functions such as `clip` accept such constants; results of arithmetic would not depend on x.
     """
     for k, a in enumerate(operands):
         is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)

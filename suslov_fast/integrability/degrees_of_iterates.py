@@ -188,7 +188,7 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
 def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
     """Return the coefficients of a linear recurrence of `terms` with the least order `order`.
 
-    None if there is none, or the equations for the coefficients are fewer than order + spare.
+    None if no recurrence exists, or fewer than order + spare equations fix its coefficients.
     """
     steps = len(terms) - order
     if steps < order + spare:

@@ -257,9 +257,9 @@ def _scaled(pair: Any, sizes: Sequence[int]) -> list[list[int]]:
 
 
 def _terms(coefficients: Any, s: Sequence[int], points: Any, p: int) -> Terms | None:
-    """Return the terms of a polynomial in letters; None if lines s + z t with t in `points` lack.
+    """Return the terms of a polynomial in letters; None if they need more lines.
 
-    Its coefficients in z on each of these lines are known.
+    Its coefficients in z are known on each line s + z t with t in `points`.
     """
     lower, terms = [[*of_line] for of_line in coefficients], Terms()
     for k in range(len(lower[0]) - 1, -1, -1):

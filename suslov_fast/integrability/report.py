@@ -340,7 +340,7 @@ class _Stopped(BaseException):
 def _special_values(system: Any, search: Search) -> list[str]:
     """Return a note if the values that letters had in the system are special; else no note.
 
-    They are if there is no map, or relations show more integrals than for general letters.
+    Values are special if no map exists for them, or if relations show more integrals for them.
     """
     map, degree = search.map, search.queue.finished().get("relations", 0)
     if not map.given:

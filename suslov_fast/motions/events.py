@@ -234,7 +234,7 @@ def _shared_times(first: int, sign: int, *each: bytes) -> EventTimes:
 def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
     """Return the `EventTimes` of events with numbers from `first` on, and times (rows, k) each.
 
-    They are sign * time, ascending; infinity in place of NaN and of times in the other direction.
+    Times are sign * time, ascending; infinity in place of NaN and of times in the other direction.
     """
     moduli = sign * np.concatenate(each, axis=1)
     moduli = np.where(moduli >= 0.0, moduli, np.inf)

@@ -194,7 +194,7 @@ class FieldSteps(Kernel):
 
 
 def _iterate_part(part, parts, arguments, omega0, span, output, abandoned):
-    """Take the steps of part `part` of `parts` parts of a batch of B trajectories.
+    """Take the steps of one part of a batch of B trajectories, number `part` of `parts`.
 
     `arguments` are a `Scheme`, values and eps, `span` and `output` a `Span` and an `Output`.
     `omega0` (B, D) are the first states if start = 0. End early if `abandoned` is not empty.

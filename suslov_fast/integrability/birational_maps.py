@@ -47,8 +47,8 @@ from .rational_functions import (
     rational_roots,
 )
 
-TERMS = 100_000  # most terms of a polynomial that is factored, which takes some 5 s
-TERMS_IN_LETTERS = 3_000  # most terms of a polynomial in several letters that is factored
+TERMS = 100_000  # the most terms of a polynomial that is factored, which takes some 5 s
+TERMS_IN_LETTERS = 3_000  # the most terms of a polynomial in several letters that is factored
 LONGEST = 6.0  # seconds that a pullback may take, as estimated
 FEW = 100  # monomials times degree of a map, up to which the image of a line takes little time
 

@@ -232,7 +232,7 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # numbers of terms of power series in t, tried until one suffices
 _LONGEST = 20_000  # bits of coordinates, at most
-_MONOMIALS = 2_000  # most monomials of coordinates
+_MONOMIALS = 2_000  # the most monomials of coordinates
 _NUMBERS = range(1, 9)  # numbers that are tried in place of s
 
 

@@ -27,7 +27,7 @@ from .exact_maps import checked_map
 from .polynomials import determinant
 from .rational_functions import IDENTITY, RationalFunction
 
-_STEPS = 80  # most steps of an orbit
+_STEPS = 80  # the most steps of an orbit
 _DEGREES = 24  # number of degrees that are predicted
 _HIGHEST = 1_000  # predicted degree that is compared with the degree on random lines
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)

@@ -42,7 +42,7 @@ _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
 _DEGREES = 64  # the sum of the degrees of numerator and denominator, at most
 _LINES = 1024  # twice the number of terms of one degree, at most
-SEARCHES = 4096  # most searches modulo one prime
+SEARCHES = 4096  # the most searches modulo one prime
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 

@@ -54,8 +54,8 @@ from .rational_functions import (
 _TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
 _WEIGHT = 2**40  # weight of equations in a lattice
 _HIGHEST = 8  # degree of functions, up to which limits for eps to 0 are computed
-_LETTERS = 6  # most letters with which reducible members of a pencil are sought: more take long
-_PRODUCTS = 20_000  # most products of generators
+_LETTERS = 6  # the most letters with which reducible members of a pencil are sought: more take long
+_PRODUCTS = 20_000  # the most products of generators
 
 
 class Product(NamedTuple):

@@ -133,9 +133,9 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
 
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
-_QUOTIENTS = 4_000  # most quotients of coefficients for which degrees are compared
+_QUOTIENTS = 4_000  # the most quotients of coefficients for which degrees are compared
 _DEGREES = 5, 11, 23  # bounds of the degrees of quotients, tried in this order
-_TERMS = 300  # most terms of a formula that is written out
+_TERMS = 300  # the most terms of a formula that is written out
 
 
 @dataclass(frozen=True, repr=False)

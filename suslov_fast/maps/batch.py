@@ -30,7 +30,7 @@ from .problem import Problem
 CHUNK_WORK, _SAVING = 2**26, 8.0
 # Seconds: after a shorter chunk the next one has twice as many steps, after a longer one half.
 _SHORT, _LONG = 0.02, 0.1
-# Seconds of Python for a part of a step; most trajectories that kernels take one by one.
+# Seconds of Python for a part of a step; the most trajectories that kernels take singly.
 _IN_PYTHON, _FEW = 1e-5, 6
 # Work of a chunk with orientations: the number of states times n**2.
 TURNING = 2**24

@@ -46,7 +46,7 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     """Return the kernel arguments of bodies: their constants, and eps last."""
     if not body.shape:
         return *body._batch_of_one, flat_parameter(eps, batch)
-    axes = max(body._axes.get(name, 0) for name in body._arrays)  # most axes of any constant
+    axes = max(body._axes.get(name, 0) for name in body._arrays)  # the most axes of any constant
     constants = [flat_parameter(value, batch, axes) for value in body._constants]
     return *constants, flat_parameter(eps, batch)
 

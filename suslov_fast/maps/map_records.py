@@ -38,7 +38,7 @@ class Discretization:
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE  # the fractions of eps of the steps of Kahan's map in one step
     # How a state determines the angular velocity: by Omega1 and Omega2, or by (Omega_1n, ...,
-    # Omega_n-1,n); None if it has none.
+    # Omega_n-1,n); None if states have no angular velocity.
     attitude: Literal["axial", "in_rows"] | None = None
     # eigenvalues(problem, slopes) returns the eigenvalues (..., D) of f', `slopes` (..., D, D), at
     # steady states; the `multipliers` follow from them.

@@ -58,7 +58,7 @@ GAUSS = STEPS_ND._replace(  # the map of bodies in n dimensions, by elimination
 # Kahan's map is symmetric: its inverse is the map with -eps. So steps with fractions of eps have an
 # even order together if the fractions read the same from both ends and their sum is 1. The
 # fractions of order 4 are from M. Suzuki, Phys. Lett. A 146 (1990), with three equal fractions on
-# each side; of orders 6 and 8 from M. Sofroniou and G. Spaletta, Optim. Methods Softw. 20 (2005).
+# each side; for orders 6 and 8 from M. Sofroniou and G. Spaletta, Optim. Methods Softw. 20 (2005).
 # A list ends with the middle fraction.
 _SUZUKI = 1 / (6 - 6 ** (1 / 3))
 _TO_THE_MIDDLE = {

@@ -23,8 +23,8 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event, traced
 
-# `starts_at_rest` evaluates surfaces at points near x0: their distance, divided by the size of x0,
-# and the largest change of a surface function from side to side, divided by its size, at rest.
+# `starts_at_rest` evaluates surfaces at points at a distance of _NEAR times the size of x0. At rest
+# a surface function changes from side to side by at most _EVEN times its size.
 _NEAR, _EVEN = 2.0**-16, 2.0**-8
 
 

@@ -28,8 +28,8 @@ _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # part of the terms of s: a state is on the surface if |s| is not larger
 NEAR = 2.0**-32  # part of the terms of s: such surfaces are near, and may be slid along together
 BARELY = 2.0**-24  # part of the rate on the other side of a surface: smaller rates are rounding
-# Modes of one f; and modes times pairs of modes that change each other's rates, to which the time
-# to compile is proportional: five modes of which each changes all others, or a chain of twelve.
+# The most modes of one f; and of modes times pairs of modes that change each other's rates, as the
+# time to compile is proportional: five modes that each change all others, or a chain of twelve.
 MOST, MOST_PAIRS = 24, 150
 
 

@@ -50,7 +50,7 @@ class SharedNumbers(NamedTuple):
     limit: float  # h |mu| above which a step looks stiff, see `step_length.limit_of`
     switches: float  # 1 if lanes may change to the other integrator, else 0
     first_state: float  # `LaneState.EXPLICIT` or `LaneState.IMPLICIT`
-    most: float  # most steps, also refused ones, between two requested times
+    most: float  # the most steps, also refused ones, between two requested times
     many: float  # how many allowed errors are alarming, see `growing_components`
     acts: float  # 1 if trajectories with an alarm are to be computed again, else 0
     enough: float = inf  # number of recorded crossings after which a trajectory stops

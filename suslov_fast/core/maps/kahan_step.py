@@ -41,16 +41,16 @@ from ..expressions.values import joined, larger
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-# Most instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms each. In longer
-# programs an instruction takes 20 us, in blocks, and twice the time to run.
+# The most instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms each. In longer
+# programs, which have blocks, an instruction takes 20 us, and twice the time to run.
 LONGEST_OPTIMISED = 4000
 # The most products of elimination that depend on the state: of dense fields, which have more than
 # SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
 # Products of parameters alone, which NumPy carries out for each step size.
 LONGEST_ONCE = 400_000
-# Components, and products of elimination times components, of programs with columns. NumPy and
-# LAPACK take larger ones, which LLVM would compile for seconds.
+# The most components of programs with columns, and products of elimination times components. NumPy
+# and LAPACK take larger programs, which LLVM would compile for seconds.
 MOST_COLUMNS, MOST_WORK = 16, 4000
 
 

@@ -72,7 +72,7 @@ def _files_of(py_function):
             _locator_classes = _locators()
 
         def load_overload(self, signature, target_context):
-            # Of any class, because unpickling a damaged file may raise anything. Then the
+            # Errors of any class, because unpickling a damaged file may raise anything. Then the
             # process compiles.
             with suppress(Exception):
                 code = super().load_overload(signature, target_context)

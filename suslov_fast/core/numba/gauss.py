@@ -22,7 +22,7 @@ from .status_codes import NONFINITE, OK, SINGULAR
 # and 1.0 for lanes that need `solve`, else 0.0.
 LEAST, LARGEST, TO_SOLVE = range(3)
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
-ROUNDS = 20  # most rounds of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
+ROUNDS = 20  # the most rounds of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
 
 
 # Sums with 0 avoid masked stores, which are slow.

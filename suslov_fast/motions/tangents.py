@@ -48,11 +48,11 @@ _ROOM = 8.0  # the length of the first segment times the size of f'
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # part of all directions in each of the first columns
 # After the shortest segment, entries without digits: at most _DEAD times the largest entry, or at
-# the most what rounding errors in an event leave of a column of length 1.
+# most what rounding errors in an event leave of a column of length 1.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # what `progress` counts: parts of the time
 # A trajectory has a frame after _FEW segments, if they cover less than _PART of the time. It has at
-# the most _LARGEST_FRAME columns; their products differ from 0 and 1 by at most _OFF times `rtol`.
+# most _LARGEST_FRAME columns; their products differ from 0 and 1 by at most _OFF times `rtol`.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
 # With events, factors of the transient, and of the time for a first part of all segments. Segments
 # should not end just after an event, because they begin without memory of surfaces that were met;

@@ -8,11 +8,11 @@ class CodeArguments(NamedTuple):
     """The arguments of an integrator's code, which are integers: addresses and counts."""
 
     rows: int  # address of the rows of trajectories (count, rows)
-    count: int  # of these trajectories
+    count: int  # number of these trajectories
     following: int  # number of the trajectory that the next free lane takes; the code changes it
     budget: int  # number of steps, each of all lanes, after which the code returns
     table: int  # address of the table of f, (n,) or (count, n)
-    table_bytes: int  # between the tables of one trajectory and the next
+    table_bytes: int  # bytes between the tables of successive trajectories
     work: int  # address of the workspace, see `memory.rows_of_work`
     numbers: int  # address of `SharedNumbers`
     components: int  # address of the rows of `ComponentNumbers` (6, D)
@@ -20,7 +20,7 @@ class CodeArguments(NamedTuple):
     states: int = 0  # address of the states at requested times (count, trajectories, D)
     state_bytes: int = 0  # bytes of the saved states at one time
     event_times: int = 0  # address of pairs (time, event), an array (count or 1, n + 1, 2)
-    event_time_bytes: int = 0  # between the pairs of one trajectory and the next; 0 if shared
+    event_time_bytes: int = 0  # bytes between the pairs of successive trajectories; 0 if shared
     records: int = 0  # address of records of events, rows of `event_records.size_of` numbers
     recorded: int = 0  # number of records so far; the code changes it
     full: int = 0  # number of records above which the code returns

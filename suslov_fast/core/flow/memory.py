@@ -49,7 +49,7 @@ def rows_of_trajectory(integrator):
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row branches of f changed at once
         # Two rows for each surface s = 0 of an event: the side, 1 if s >= level, 0 if s < level,
-        # STAYS if the state stays on the surface, `GAP` if s is NaN; and the level (`_side`).
+        # STAYS if the state stays on the surface, `GAP` if s is NaN; then the level.
         side=2 * surfaces,
         counts=actions,  # how often each event has acted
         acted_at=surfaces,  # when each event on a surface has acted last
@@ -80,7 +80,7 @@ def rows_of_trajectory(integrator):
         watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
         inner=1,  # in a search for a surface: length of a step that does not cross it
         outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
-        weight=1,  # of the Illinois rule, see `event_location.SEARCH`
+        weight=1,  # weight of the Illinois rule, see `event_location.SEARCH`
         rounds=1,  # number of lengths that a search for a surface has tried
         whole=1,  # length of the next step after a search
         place=1,  # number of the next requested time, an integer
@@ -156,10 +156,10 @@ def rows_of_work(integrator):
         actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches are chosen
         chosen=len(of_x.branch_program.results) if chooses else 0,  # results of `branches`
-        derived=len(of_x.derived.results) if chooses else 0,  # table values by branches
+        derived=len(of_x.derived.results) if chooses else 0,  # table values that depend on branches
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
-        gradient=of_x.D + f.q if has_slopes else 0,  # of a surface, by x and parameters
+        gradient=of_x.D + f.q if has_slopes else 0,  # gradient of a surface
         tau=acts * D // of_x.D,  # how much earlier displaced solutions reach this instant
         lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
         scratch=max(each.scratch for each in integrator.functions.values())

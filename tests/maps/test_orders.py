@@ -82,7 +82,7 @@ def test_fractions_are_those_published(method):
 @pytest.mark.parametrize(("name", "method"), EACH)
 def test_steps_are_composed(name, method, rng):
     """To rounding, with step sizes of each orbit, negative ones too."""
-    field, start, time = FLOWS[name]
+    _, field, start, time = FLOWS[name]
     x = np.array(start) + rng.normal(size=(19, field.dimension)) / 8
     eps = np.linspace(-1, 1, 19) * time / 80
     run = sf.iterate(field, x, eps, 12, method=method)

@@ -1,10 +1,8 @@
 """`Field`: right-hand sides as lists of operations, their derivatives, and texts."""
 
-import gc
 import json
 import math
 import threading
-import weakref
 from fractions import Fraction
 
 import mpmath as mp
@@ -362,15 +360,3 @@ def test_other_threads_make_the_arrays_of_numpy():
 
     Field(f, 2)
     assert {*kinds} == {np.ndarray}
-
-
-def test_nothing_stays_of_a_function_in_a_loop():
-    tracers = []
-
-    def f(x):
-        tracers.append(weakref.ref(x[0].tracer))
-        return np.stack([x[1], -np.sin(x[0])])
-
-    Field(f, 2)
-    gc.collect()
-    assert [tracer() for tracer in tracers] == [None] * len(tracers)

@@ -178,6 +178,7 @@ def test_symbols_of_functions_are_freed():
 
     def count(n):
         for level in range(n):
+            Field(lambda s, own=level: (surface(s, own),), "x")
             flow(field, [1.0], time=1.0, events=Event(lambda s, own=level: surface(s, own)))
         gc.collect()
         return sum(type(each) in kinds for each in gc.get_objects())

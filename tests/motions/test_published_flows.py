@@ -21,11 +21,9 @@ PER_PERIOD = 1600
 
 
 def field_of(flow):
-    def f(x, **parameters):
-        known = dict(zip(flow["variables"], x, strict=True)) | parameters
-        return [eval(text, {}, known) for text in flow["rhs"]]
-
-    return Field(f, flow["variables"], **flow["parameters"])
+    equations = zip(flow["variables"], flow["rhs"], strict=True)
+    text = "; ".join(f"{name}' = {rate}" for name, rate in equations)
+    return Field.from_equations(text, **flow["parameters"])
 
 
 @pytest.mark.parametrize(

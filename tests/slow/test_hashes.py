@@ -1,10 +1,10 @@
-"""Steps have the stored bits on several types of CPU, compiled and interpreted.
+"""Steps have the stored bits on several types of CPU.
 
     PYTHONPATH=tests python tests/slow/test_hashes.py            print the hashes
     PYTHONPATH=tests python tests/slow/test_hashes.py --write    store them in hashes.json
 
-The positions of NaN and 0 count, but not their signs, which differ between processors and
-interpreted code, nor the payload of NaN.
+The positions of NaN and 0 count, but not their signs, which differ between processors, nor the
+payload of NaN.
 """
 
 import hashlib
@@ -18,7 +18,6 @@ from pathlib import Path
 import children
 import numpy as np
 import pytest
-from numba import config
 from numba.core import event
 from promises import OPTIONS, hard
 
@@ -59,7 +58,7 @@ def all_hashes(steps=60, left_out=()):
             continue
         body, omega, *eps = problem(*hard(np.random.default_rng(1), kind))
         given = body, omega, *eps * (not isinstance(body, sf.Map))
-        for save_every in (1,) if config.DISABLE_JIT else (1, None):
+        for save_every in (1, None):
             run = sf.iterate(*given, steps, save_every=save_every, on_singular="ignore", **options)
             turns = [] if run.attitude is None else [run.attitude]
             values = run.states, run.final, run.status, run.failed_at, *turns

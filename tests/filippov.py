@@ -93,14 +93,13 @@ def _ending(f, s, slopes, modes, g, upper):
     return event
 
 
-def gradients_of(s):
-    """Return the function of x that gives the gradients (n, D) of s(x), by a complex step."""
-    return lambda x: np.imag([s(x + step) for step in 1e-30j * np.eye(len(x))]).T / 1e-30
-
-
 def solution(f, s, x, time, most=400, rtol=1e-11, atol=1e-13):
     """Return the state at the last time, and the list of changes (time, surface, mode)."""
-    x, t, changes, slopes = np.array(x, float), 0.0, [], gradients_of(s)
+    x, t, changes = np.array(x, float), 0.0, []
+
+    def slopes(x):  # by a complex step
+        return np.imag([s(x + step) for step in 1e-30j * np.eye(len(x))]).T / 1e-30
+
     values = np.asarray(s(x), float)
     modes = np.where(values > 0, 1, -1)
     on = np.flatnonzero(abs(values) <= ON)

@@ -339,13 +339,11 @@ def test_rates_that_are_infinite_or_nan_are_refused(f):
 
 
 # ------------------------------------------------------------------------------- files of strangers
-def read(equations, **others):
-    return Field.from_dict({"body": "Field", "names": ["x"], "equations": equations} | others)
-
-
 def test_equations_can_be_typed():
     text = "where((x > 0) & ~(x >= k), u**2.5, -abs(x)/3) + interp(x, (0, 1), (2, 3), 2, 3)"
-    field = read([text], definitions={"u": "exp(-x)"}, parameters={"k": 2.0})
+    given = {"body": "Field", "names": ["x"], "equations": [text]}
+    given |= {"definitions": {"u": "exp(-x)"}, "parameters": {"k": 2.0}}
+    field = Field.from_dict(given)
     np.testing.assert_allclose(field([0.5]), np.exp(-1.25) + 2.5, rtol=1e-15)
 
 

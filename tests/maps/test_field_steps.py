@@ -25,10 +25,6 @@ from suslov_fast.maps.orders import COMPOSITIONS
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
 
-def lotka_volterra(x):
-    return x[0] - x[0] * x[1], x[0] * x[1] - x[1]
-
-
 def square(x):
     return (x[0] * x[0],)
 
@@ -40,7 +36,7 @@ def square(x):
         (lorenz, (1.0, 2.0, 20.0), 1 / 64, 200, 2e-13),
         (lorenz, (1.0, 2.0, 20.0), -0.5, 20, 1e-12),  # with other pivots
         (rates_of_henon_heiles, (0.125, 0.25, 0.25, -0.125), 0.25, 500, 1e-12),
-        (lotka_volterra, (0.5, 0.7), 0.125, 200, 1e-13),
+        (lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), (0.5, 0.7), 0.125, 200, 1e-13),
         (chain, (1.0, 0.5, 0.75, 1.25, 1.5, 0.25), 0.125, 60, 1e-13),
         (square, (0.1,), 0.5, 15, 1e-13),
         (lambda x: (0 * x[0], 1 + 0 * x[1]), (0.0, -3.0), 0.25, 10, 0.0),

@@ -10,11 +10,7 @@ import suslov_fast as sf
 OSCILLATOR = sf.Field(lambda x: (x[1], -x[0]), "q p")
 
 
-def first(x):
-    return x[..., 0]
-
-
-def of_oscillator(start, surface=first, **arguments):
+def of_oscillator(start, surface="q", **arguments):
     arguments = {"direction": "up"} | arguments
     return sf.crossings(OSCILLATOR, start, surface, **arguments)
 

@@ -170,11 +170,6 @@ def test_targets_that_orbits_pass(rtol, rng):
     assert (sf.crossings(family, x0, inside, **options).count >= 2).all()
 
 
-def upward(start, end):
-    """How often a sine crosses 0 upwards between phases."""
-    return np.floor(end / (2 * np.pi)) - np.floor(start / (2 * np.pi))
-
-
 @pytest.mark.parametrize(("N", "_"), SURVEYS)
 @pytest.mark.parametrize("kind", ["clocks", "angles", "phases"])
 def test_waves_as_surfaces(kind, N, _, rng):
@@ -190,7 +185,8 @@ def test_waves_as_surfaces(kind, N, _, rng):
         given = clocks, [0.0], lambda s, w, p, b, v: np.sin(w * s[0] + p + b * np.sin(v * s[0]))
         if kind == "clocks":
             given = clocks, [0.0], lambda s, w, p: np.sin(w * s[0] + p)
-    right = upward(p, w * 50.0 + p + b * np.sin(v * 50.0))
+    turns = [np.floor(a / (2 * np.pi)) for a in (p, w * 50.0 + p + b * np.sin(v * 50.0))]
+    right = turns[1] - turns[0]
     for found in counted(*given, 50.0):
         np.testing.assert_array_equal(found, right)
 

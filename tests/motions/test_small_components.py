@@ -229,11 +229,6 @@ def test_exponents_of_epidemics():
     np.testing.assert_array_equal(alone, a[2])
 
 
-def logistic(x, k, t):
-    """Return the state after a time t of x' = k x (1 - x)."""
-    return 1.0 / (1.0 + (1.0 / x - 1.0) * np.exp(-k * t))
-
-
 RESET = field(lambda s, k, d: (k * s[0] * (1 - s[0]) + 0.0 * d,), "x", k=1.0, d=1.0)
 
 
@@ -244,7 +239,7 @@ def test_growth_after_a_reset_is_right(rtol, count):
     rng = np.random.default_rng(5)
     times, factor = rng.uniform(1, 8, count), 10.0 ** -rng.uniform(3, 30, count)
     k, x0, right = rng.uniform([0.5, 0.05, 0.01], [5, 2, 0.99], (count, 3)).T
-    begins = factor * logistic(x0, k, times)
+    begins = factor / (1 + (1 / x0 - 1) * np.exp(-k * times))  # of x' = k x (1 - x)
     ends = times + np.log(right / (1 - right) * (1 / begins - 1)) / k
     for n in range(count):
         event = sf.Event(times=[times[n]], to=lambda s, d: (d * s[0],))

@@ -26,11 +26,6 @@ def standard(s, K):
     return np.mod(s[0] + p, 2 * np.pi), p
 
 
-def qrt(x, a):
-    """The McMillan map, which has an integral."""
-    return x[1], 2 * a * x[1] / (1 + x[1] ** 2) - x[0]
-
-
 def lattice(x, r):
     y = r * x * (1 - x)
     return 0.9 * y + 0.05 * (np.roll(y, 1) + np.roll(y, -1))
@@ -46,10 +41,6 @@ def symplectic_euler(s, h):
     return s[0] + h * p, p
 
 
-def clipped(x):
-    return np.clip(3 * x[0], -1, 1), np.where(x[0] > x[1], x[1] / 2, x[0] - 1)
-
-
 HENON = Map(henon, "x y", a=1.4, b=0.3)
 STANDARD = Map(standard, "q p", K=0.9)
 MAPS = {
@@ -57,13 +48,13 @@ MAPS = {
     "standard": STANDARD,
     "logistic": Map(lambda x, r: r * x * (1 - x), "x", r=3.9),
     "Lyness": Map(lambda x, a: (x[1], (x[1] + a) / x[0]), "x y", a=3.0),
-    "McMillan": Map(qrt, "x y", a=0.7),
+    "McMillan": Map(lambda x, a: (x[1], 2 * a * x[1] / (1 + x[1] ** 2) - x[0]), "x y", a=0.7),
     "Ikeda": Map(ikeda, 2, u=0.6),
     "tent": Map(lambda x: 1 - 2 * np.abs(x - 0.5), "x"),
     "Lozi": Map(lambda x: (1 - 1.7 * np.abs(x[0]) + x[1], 0.5 * x[0]), 2),
     "lattice": Map(lattice, 30, r=3.9),
     "Euler": Map(symplectic_euler, "q p", h=0.2),
-    "clip": Map(clipped, 2),
+    "clip": Map(lambda x: (np.clip(3 * x[0], -1, 1), np.where(x[0] > x[1], x[1] / 2, x[0] - 1)), 2),
     "table": Map(lambda x: np.interp(x, [0, 0.3, 1], [0, 1, 0.1]), "x"),
     "constant": Map(lambda x: (x[1], 0.25), 2),
     "swap": Map(lambda x: (x[1], x[0]), 2),

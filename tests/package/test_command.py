@@ -19,14 +19,9 @@ def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def words(line):
-    """The words of a command line, whose equations have no blanks."""
-    return line.split()
-
-
 def call(line, capsys):
     """Run a command that must succeed without messages, and return its output."""
-    code = main(words(line))
+    code = main(line.split())
     out, err = capsys.readouterr()
     assert (code, err) == (0, "")
     return out
@@ -78,7 +73,7 @@ def test_a_run_of_equations(capsys):
 
 @pytest.mark.filterwarnings("default")
 def test_a_run_that_fails_altogether(capsys):
-    assert main(words("run --equations x'=x*x --x0 1 --time 3")) == 1
+    assert main("run --equations x'=x*x --x0 1 --time 3".split()) == 1
     out, err = capsys.readouterr()
     assert json.loads(out)["failed"] == 1
     assert "t = 1" in err
@@ -105,7 +100,7 @@ def test_mistakes(line, named, monkeypatch, capsys):
     for name in ("iterate", "flow"):
         monkeypatch.setattr(sf, name, None)
     try:
-        code = main(words(line))
+        code = main(line.split())
     except SystemExit as stopped:  # of argparse
         code = stopped.code
     out, err = capsys.readouterr()

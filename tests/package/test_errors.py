@@ -330,16 +330,12 @@ class Quantity(float):
     units, magnitude = "ms", 20.0
 
 
-def labelled(value, dims=("start", "component")):
-    return xarray.DataArray(value, dims=dims[2 - np.ndim(value) :])
-
-
 NOT_ARRAYS = [
     lambda value: np.array(value).view(WithUnit),
     Quantity,
     lambda value: [Quantity(each) for each in np.atleast_1d(value)],
     np.vectorize(Quantity, otypes=[object]),
-    lambda value: labelled(value, ("component", "start")),
+    lambda value: xarray.DataArray(value, dims=("component", "start")[2 - np.ndim(value) :]),
 ]
 CALLS = {
     "I1": lambda value: Suslov3D(value, 1, -0.5, -0.3),

@@ -31,12 +31,12 @@ SQUARES = sf.Field(lambda x: (x[0] ** 2 - x[1], x[1] ** 2 + x[0]), 2)
 
 
 def run(*arguments, **options):
-    return lambda: _arrays(sf.iterate(*arguments, on_singular="ignore", **options))
+    def arrays():
+        found = sf.iterate(*arguments, on_singular="ignore", **options)
+        turns = [] if found.attitude is None else [found.attitude]
+        return [found.states, found.final, found.status, found.failed_at, *turns]
 
-
-def _arrays(found):
-    turns = [] if found.attitude is None else [found.attitude]
-    return [found.states, found.final, found.status, found.failed_at, *turns]
+    return arrays
 
 
 def call(function, *arguments):

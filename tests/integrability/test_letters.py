@@ -219,12 +219,6 @@ def test_fractions_of_a_body_beside_letters_are_exact():
     assert len({F(x, **numbers) / paper(x, **numbers, **others) for x in points}) == 1
 
 
-def lagrange(x, a, b, c):
-    """With the moments 1/a, 1/a, 1/b, and the weight times the distance of the centre c."""
-    m, p, w = x[:3], x[3:], (a * x[0], a * x[1], b * x[2])
-    return (*np.add(np.cross(m, w), np.cross(p, (0, 0, c))), *np.cross(p, w))
-
-
 def kirchhoff(x, a, b, c, d):
     m, p = x[:3], x[3:]
     w, u = (a * m[0], a * m[1], b * m[2]), (c * p[0], c * p[1], d * p[2])
@@ -241,7 +235,6 @@ def clebsch(x, a, b, c):
     ("f", "names", "written", "degrees"),
     [
         (kirchhoff, "abcd", 2, [8, 8]),
-        (lagrange, "abc", 2, [6, 8]),
         (clebsch, "abc", 1, [6, 8, 10]),
     ],
 )

@@ -12,10 +12,6 @@ HOURS = 100 * 24 * (np.pi - 2 * np.arcsin(0.99)) / (2 * np.pi)  # of light in 10
 AREA = 100 * 24 * (np.sqrt(1 - 0.99**2) / np.pi) - 0.99 * HOURS
 
 
-def signed_root(c):
-    return np.where(c > 0, np.sqrt(c), -np.sqrt(-c))
-
-
 def from_1(rate):
     """A rate that is 0 before t = 1, and then begins like a root."""
     return lambda t: np.where(t > 1, rate(np.maximum(t - 1, 0)), 0)
@@ -52,7 +48,8 @@ CHOICES = [
 # fewer.
 ENDS = [
     # The integral of sqrt(cos) from 0 to pi/2, less that of sqrt(sin) from 0 to 2 - pi/2.
-    (lambda t: signed_root(np.cos(t)), 0.0, 2.0, 1.0119143948),
+    (lambda t: np.where(np.cos(t) > 0, np.sqrt(np.cos(t)), -np.sqrt(-np.cos(t))), 0.0, 2.0,
+     1.0119143948),
     (lambda t: np.where(t > 1, np.log(t - 1), np.log(1 - t)), 0.0, 2.0, -2.0),
     (lambda t: np.where(t > 1, (t - 1) * np.log(t - 1), 2.0), 0.0, 2.0, 2.0 - 0.25),
     (lambda t: abs(t - 1) ** -0.3, 0.0, 2.0, 2 / 0.7),

@@ -110,10 +110,6 @@ IN_CORE = {
 }
 
 
-def is_core(path):
-    return path.is_relative_to(PACKAGE / "core")
-
-
 @pytest.mark.parametrize(("place", "table"), [("", ARROWS), (".core", IN_CORE)])
 def test_imports_follow_the_arrows_without_cycles(place, table):
     """An arrow that no import uses any more goes from the table, too."""
@@ -189,7 +185,7 @@ PURE = (
 
 def test_the_core_is_pure_numerics():
     for path in TEXTS:
-        if is_core(path) and path not in COMPILING:
+        if path.is_relative_to(PACKAGE / "core") and path not in COMPILING:
             assert not any(isinstance(node, ast.Raise) for node in nodes_of(path)), path
             modules = {each.split(".")[0] for each in importing(path)}
             assert modules <= {"suslov_fast", "numba", "numpy", "scipy", *PURE}

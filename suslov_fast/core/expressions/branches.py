@@ -258,10 +258,10 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
 def _choosing(values, operations, of_states, moving):
     """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
 
-    A kind is that of a `Surface`. `operations` are all that f needs of the `Expressions` `values`.
-    Tables that jump count as kinks if they are not `of_states`, but depend on clocks alone: no
-    motion slides along their knots. Values that are not `moving` change only by events, as modes
-    do: f decides them each time.
+    A kind is `Surface.kind`. `operations` are all operations in `values` that f needs. The values
+    `of_states` depend on more than clocks. A table of clocks alone counts as a kink even if it
+    jumps, because no motion slides along its knots. The values `moving` change along a step.
+    Other values change only at events, as modes do, and need no surface.
     """
     jumps, kinks = {}, {}
     for name, number, operands in operations:

@@ -65,8 +65,8 @@ class DoubleCrossings(NamedTuple):
     and of `rates` there, the state at the middle point, rtol, and the table of f. Its results are
     maxima over all surfaces:
 
-    1. e / |m|; from 1 on the step must be shorter. It is MOST if interpolation or the rates show
-       two crossings that the values at the points do not show.
+    1. e / |m| (see the module); from 1 on the step must be shorter. The result is MOST if
+       interpolation or the rates show two crossings that the values at the points do not show.
     2. 1 if the values at the points show two crossings, else 0.
     3. The change of a phase from point to point, in quarters of a turn.
     """

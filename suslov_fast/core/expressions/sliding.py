@@ -239,12 +239,11 @@ class SlidingEquations(_Rates):
         return self._decided(x, range(self.count))
 
     def _decided(self, x, surfaces, at=None):
-        """Return operands of the state x, in which f leads to the modes of `surfaces`.
+        """Return the state x (operands); `surfaces` that it is on get the modes to which f leads.
 
-        If `at` is not None, the solution arrives at this surface, or leaves it. Modes of other
-        surfaces stay unless the solution is on them. First each mode in turn follows from the rates
-        on both sides of its surface: it stays if f leads away on its side. Then several modes are
-        decided together.
+        The solution arrives at the surface `at`, or leaves it, if `at` is not None. First each mode
+        is found alone, from the rates on both sides of its surface. If it is the mode of a side
+        on which f leads away from the surface, it stays. Then several modes are found together.
         """
         number, D = self.values.number, self.D
         for g in surfaces:

@@ -187,7 +187,7 @@ class Factors:
         return self._extreme("min", [self._least_constant(), *pivots]) > LEAST_PIVOT * largest
 
     def _extreme(self, instruction, numbers):
-        """Return the "min" or "max" (`instruction`); functions of parameters are joined first."""
+        """Return the "min" or "max" (`instruction`) of numbers; constant ones are joined first."""
         fixed, others = [], []
         for a in numbers:
             a = self.values.number(a) if isinstance(a, float) else a

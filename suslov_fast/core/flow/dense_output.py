@@ -1,14 +1,14 @@
 """Dense output: states inside a step, at the requested times.
 
-A step aside ends at its time, so that its end is the state (`step_length.LENGTH`). If an explicit
-step has passed several times, its first three quarters are taken once more with few columns. They
-end at x_1, x_2 and x_3; x_4 is the next state. With v = 4 (t - t_0) / h, the states inside are the
-polynomial p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
+If a step would pass one requested time, another step ends there (`step_length.LENGTH`). If an
+explicit step has passed several requested times, its first three quarters are computed again, with
+few columns. They end at x_1, x_2 and x_3; x_4 is the next state. With v = 4 (t - t_0) / h, states
+inside are the polynomial p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
 
 p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
 
 with Lagrange polynomials L_j. Its error is C prod_j (v - j)**2 at first order. The defect p' -
-h / 4 f(p) shows C and the errors of the nodes. If it is large, a new step ends at the next time.
+h / 4 f(p) shows C and the errors of x_j. If it is large, a new step ends at the requested time.
 """
 
 from math import inf, prod

@@ -137,15 +137,15 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
     pause, more, limit, sign,
 ):  # fmt: skip
-    """Return `more`, above 0 if an action comes again at once, and `limit`, when the state rests.
+    """Return `more` > 0 if an action will be repeated at once, and the time `limit` of rest.
 
-    A state that an action at s = 0 turns back is away for 2 |r / a|, with r = ds/dt and a = dr/dt.
-    It rises by r**2 / (2 |a|). Let the action reduce r by the factor q. If the state returns at
-    once, or stays LOW, it is at rest after 2 |r / a| / (1 - q). For other states the time since the
-    last action counts, and the limit is Aitken's. `fired` is 1 or -1 if an event acts after a
-    crossing up or down, else 0. `rate_before` is ds/dt before the action, `later` is ds/dt a MOMENT
-    later. `taken` and `wanted` are the lengths of this step and of the next. `acted_at` is the time
-    of the last action, and `pause` the time before it; both are updated.
+    An action at s = 0 turns the state back. With r = ds/dt and a = dr/dt, s is 0 again after a time
+    2 |r / a|, and |s| rises to r**2 / (2 |a|). Let the action reduce r by the factor q. If s is 0
+    again at once, or |s| stays LOW, the state is at rest after 2 |r / a| / (1 - q). If a does not
+    turn it back, Aitken's limit of the times of actions is used. `fired` is 1 or -1 if an event
+    acts after a crossing up or down, else 0. `rate_before` is ds/dt before the action, and `later`
+    a MOMENT after it. `taken` and `wanted` are the lengths of this step and of the next. `acted_at`
+    is the time of the last action, and `pause` the time from the action before to it.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -423,9 +423,9 @@ def _cross(code, k, is_there, by_motion):
 
 
 def _record_crossing(code, k, counts, by_motion):
-    """Record a crossing of surface k by an event that leaves the state as it is, in lanes `counts`.
+    """Record a crossing of surface k in lanes `counts`; event k leaves the state as it is.
 
-    The surface was crossed by a step in lanes `by_motion`. Enough crossings end a trajectory.
+    In lanes `by_motion` a step crossed it, elsewhere an action. Enough crossings end a trajectory.
     """
     line, work = code.line, code.work
     counts = counts & (line.t[0] > code.number("since"))

@@ -391,12 +391,12 @@ def _double_crossings(code, inputs):
 
 
 def _aim(code, inputs, searches, from_start):
-    """Return inputs of kernels that Newton's method finds: `aim`, `since`, `place` and `left`.
+    """Return `aim`, `since`, `place` and `left`, found by Newton's method, as inputs of kernels.
 
-    `aim` is the length of a step to the surface, `since` the longest time since a crossing, `place`
-    the fraction of the step at the first crossing, `left` the time left to a surface of an event.
-    `inputs` are the inputs so far. `searches` marks lanes that sought a surface before this step,
-    `from_start` lanes that know no shorter step without a crossing.
+    `aim` is the length of a step to the surface, `since` the time since the earliest crossing,
+    `place` the fraction of the step at the first crossing, `left` the time left to a surface of an
+    event. `inputs` are the inputs so far. `searches` marks lanes that sought a surface before this
+    step, `from_start` lanes that know no shorter step without a crossing.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))

@@ -61,10 +61,10 @@ def many_of(rtol):
 
 
 def some_of(rtol, keeps):
-    """Return the least error of an explicit step, relative to a component, that counts.
+    """Return the least relative error in an explicit step with which a component loses digits.
 
-    With rtol 1e-6 it is rtol, and with 1e-9 100 rtol, if the component keeps its sign (`keeps` is
-    1). For components that pass through 0 it is more. In implicit steps OF_IMPLICIT of it counts.
+    If the component keeps its sign (`keeps` is 1), it is rtol at rtol = 1e-6, and 100 rtol at 1e-9.
+    Otherwise it is 1 / OF_IMPLICIT times as large. Implicit steps use OF_IMPLICIT times the result.
     """
     return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
 
@@ -175,9 +175,10 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
 
 @scalar_kernel
 def GROWS(value, f, fed, signed, least, part, grow, fall):
-    """Return `value` of a member of a group, or `part` of it if it falls; count `grow` and `fall`.
+    """Return `value` if a component of a group grows, else `part` of it; update `grow`, `fall`.
 
-    f is its rate in the group, `fed` the same without the group, `signed` the length of the step.
+    `grow` and `fall` count these cases. f is the rate of the component, and `fed` its rate with 0
+    for the group. It grows if signed (f - fed) > least * value; `signed` is the step length.
     """
     is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {
@@ -244,7 +245,7 @@ def watch(code, alerts, on_trial):
 
 
 def _look(code, looks):
-    """Find which components are fed, and whether there is an alarm, in lanes `looks`."""
+    """Find which components others feed (`FED`), and if there is an alarm, in lanes `looks`."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     text.copy(work.new, work.start, code.D)
     for now in text.rounds(Carried()):

@@ -1,6 +1,6 @@
-"""The motion of one state over a time, for loops of users: a step in memory that they hold.
+"""The motion of one state over a given time, for users' compiled loops, in memory that they hold.
 
-Steps and bits are the same as in `BatchSolver`: both integrators take turns in one call.
+Steps and bits are the same as in `BatchSolver`. A call changes between both integrators.
 """
 
 import math

@@ -15,9 +15,9 @@ def _changes_sign(x, new):
 
 @scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return `new`, with the sign of x if `keeps` is 1, and `kept`, 0 if a large `new` had another.
+    """Return `new` and `kept`: if `keeps` is 1, `new` gets the sign of x.
 
-    Large is above extra + rtol * `size`, the size of x. If `keeps` is 0, any sign is right.
+    `kept` becomes 0 if `new` had the other sign and |new| > extra + rtol * size.
     """
     changes = _changes_sign(x, new) & (keeps > 0.0)
     is_large = abs(new) > extra + rtol * size

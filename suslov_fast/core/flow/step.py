@@ -11,14 +11,15 @@
 
        e = sum_c (w_c - v_c) (y_c - x),     ratio = max_i |e_i| / allowed_i.
 
-   All columns may agree on a false end. The sum d vanishes on true steps: for `gragg` it is
-   sum_c w_c (a_c - b_c), and `apart` = max_i |d_i| / allowed_i.
+   All columns may agree on a false end. A sum d, which vanishes on true steps, shows this: for
+   `gragg` d = sum_c w_c (a_c - b_c), with the last values of the sequences a and b in column c.
+   The largest |d_i| / allowed_i is `apart`.
 
 4. Acceptance and step-length rule (`step_length`). The step is accepted if
 
        ratio <= 1,     apart <= MOST_APART,
 
-   f_next is finite, and components keep the signs that the equations keep. In both cases
+   f_next is finite, and components keep the signs that the equations keep. Accepted or not,
 
        h_next = 0.75 ratio**(-1/9) h.
 
@@ -32,8 +33,7 @@
 
 8. x = x_next, f(x) = f_next, where the step is accepted.
 
-A line has a trajectory in each lane. Lanes that take no step with this integrator have h = 0, and
-stay as they are.
+A line has a trajectory in each lane. Lanes without a step of this integrator have h = 0.
 """
 
 from math import inf

@@ -1,8 +1,8 @@
 """The driver of steps of fields: the control flow around SIMD packs, as LLVM's text.
 
 A line is a SIMD pack of W lanes. A block of lines takes all its steps before the next block begins.
-A step takes one line after the other. Each line takes a stage; `pivoting_step` takes the lanes that
-need it; at the end of a whole step states are saved.
+A stage of a step is computed for one line after the other. If lanes need pivoting, `pivoting_step`
+computes them. At the end of a whole step states are saved.
 """
 
 import math

@@ -229,8 +229,8 @@ def fill_orbit(b, l, is_map):
 def rate(passes, L, r, is_map):
     """Return the rate of an orbit per step: log|r| if `passes` is positive, else the angle a.
 
-    With positive `passes` it leads from one steady state to another, and r = (1 - L) / (1 + L).
-    Else tan(a) = L = e root; if L > 1, the result is a - pi / 2. For the flow: -2 L and L.
+    L is e root. If `passes` is positive, r = (1 - L) / (1 + L). Otherwise a = arctan(L), and the
+    result is a - pi / 2 if L > 1. For the flow the results are -2 L and L.
     """
     if is_map == 0.0:
         return -2.0 * L if passes > 0.0 else L

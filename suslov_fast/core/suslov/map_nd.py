@@ -322,7 +322,7 @@ def gauss_steps(part, parts, parameters, omega0, span, output):
 
 @inlined
 def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
-    """Do what `nd_steps` does, by elimination if `by_elimination` is True and not None."""
+    """Do what `nd_steps` does, by elimination unless `by_elimination` is None."""
     # None, because Numba removes branches that depend on it.
     saved, final, carry, _, _ = output
     first, last, start, stop, every, next_row = span

@@ -251,7 +251,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     for name, each in data.variables.items():
         if _AXIS not in each.dims:
             variables[name] = each
-        elif name != "time":  # n eps would be as large as the states
+        elif name != "time":  # times follow from n and eps, and are not stored
             sizes = each.sizes | {_AXIS: N}
             pieces = tuple((sizes | {_AXIS: length}).values())
             encoding[name] = {"chunks": pieces, "compressors": (codec,)}

@@ -303,11 +303,11 @@ class Suslov(BodyOfEquations):
         Returns
         -------
         ndarray(float, shape=(..., D) or (N, ..., D))
-            The states. For longer eps they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53``
-            and for n that is not an integer; and for any eps where the dimensionless X, Y or K
-            exceeds 1e8 (then use :func:`iterate`). Beyond a pole of the map, where :func:`iterate`
-            stops, the formula continues; only the state directly after the pole is NaN, with a
-            :class:`IntegrationWarning`.
+            The states. States are NaN, with a `RuntimeWarning`, where the dimensionless X, Y or K
+            exceeds 1e8 (then use :func:`iterate`). If the condition on eps fails, states for
+            ``|n| > 2**53`` and for n that is not an integer are NaN, too. Beyond a pole of the map,
+            where :func:`iterate` stops, the formula continues; only the state directly after the
+            pole is NaN, with a :class:`IntegrationWarning`.
 
         Raises
         ------

@@ -18,7 +18,7 @@ from ..status import IntegrationWarning
 SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
-_IN_PYTHON = 1e-5  # seconds of Python for a state, of which it computes 128 at least
+_IN_PYTHON = 1e-5  # seconds of a state in Python; a call costs as much as 128 further states
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("no state, because n must be an integer up to 2**53 for so long an eps", RuntimeWarning),

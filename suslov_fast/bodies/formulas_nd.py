@@ -203,7 +203,7 @@ def _density_of_three(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> 
 
 
 def _known(name: str, compute: Any, **options: Any) -> dict[str, Formula]:
-    """Return, by its name, the formula of a function that is not known for all bodies."""
+    """Return {name: formula} for a function that is known for some bodies only."""
     return {name: Formula(compute, partial(check_known, function=name), **options)}
 
 

@@ -102,7 +102,7 @@ class Suslov3D(Suslov):
 
     @property
     def _constants(self) -> tuple[Any, ...]:
-        """I1 in the shape of the batch, which I3 alone may have; I2, I13, I23, k."""
+        """The constants I1 (broadcast to the shape of the batch), I2, I13, I23 and k."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
         return I1, self.I2, self.I13, self.I23, self.k
 

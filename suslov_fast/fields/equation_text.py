@@ -30,7 +30,7 @@ _INSTRUCTIONS = {
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
-# A constant with more characters is written as a ratio if one with such a denominator equals it.
+# A longer constant is written as an equal ratio if there is one with at most this denominator.
 _LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999
 _NONE: dict[float, Fraction] = {}
 # How tightly signs bind, in the order of Python.

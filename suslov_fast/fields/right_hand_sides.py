@@ -51,7 +51,7 @@ class OfMembers(NamedTuple):
 def _with_constants(
     equations: Equations, wrt: Names, actions: Actions
 ) -> tuple[RightHandSide, tuple[float, ...]]:
-    """Return the right-hand side of equations, and the values of parameters that it adds."""
+    """Return the right-hand side, and values of its added parameters, which replace constants."""
     constants: tuple[float, ...] = ()
     if actions:
         actions, constants = with_parameters(actions, len(equations.all_names))

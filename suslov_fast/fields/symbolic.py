@@ -116,9 +116,9 @@ _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split(
 
 
 def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
-    """Raise an error if a constant is infinite or NaN, and does not divide a number.
+    """Raise an error if a constant operand is NaN, or is infinite and not a divisor.
 
-    Functions such as `clip` accept such constants; results of arithmetic would not depend on x.
+    In arithmetic such a constant gives a result that does not depend on x. `clip` may use it.
     """
     for k, a in enumerate(operands):
         is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)

@@ -257,9 +257,9 @@ class _Equations:
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
-        """Return the second point of a quadric on the line x + s d, by its coordinates `kept`.
+        """Return the coordinates `kept`, and the last, of the second point of a quadric on a line.
 
-        The direction d has the coordinates x1, x2 and 1 at these places, and 0 at the others.
+        The line is x + s d. The coordinates `kept` of d are x1, x2 and 1; its others are 0.
         """
         one = self.plane.constant(1)
         start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in the other ring

@@ -30,14 +30,15 @@ from ..results.result import place_in
 from ..status import Status
 
 _MOST, _MOST_DAMPED = 30, 60  # Newton steps, and fractions of Newton steps, at most
-_SHORTER = 0.25  # a step divided by the step before, at most
-_FARTHEST = 2.0  # a step divided by the state, at most
-# The last step divided by the state: it is rounding, or the next step would be.
+_SHORTER = 0.25  # the largest ratio of a step to the step before; above it Newton's method ends
+_FARTHEST = 2.0  # the largest ratio of a step to the state; above it Newton's method ends
+# Steps of Newton's method, divided by the state. A step below _ROUNDING is the last one; so is a
+# step that does not shrink by the factor _SHORTER after a step below _SMALL.
 _ROUNDING, _SMALL = 1e-14, 1e-8
-_LEAST = 1e-6  # the smallest size of a component, divided by the largest size
+_LEAST = 1e-6  # sizes of components are at least this part of the largest size
 _RANK = 1e-12  # singular values of a scaled matrix that count as 0, divided by the largest one
-_WHOLE = 1e-8  # the smallest singular value of a regular matrix, in units of the given states
-_PROBE = 1e-6  # the relative distance from which Newton's method leads back to an equilibrium
+_WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest singular value
+_PROBE = 1e-6  # relative displacement of an equilibrium, to which Newton's method must lead back
 _COUNTED = 10_000  # the most starts for which the text of the result counts different states
 _NEUTRAL = 2.0**-48  # rounding errors of eigenvalues, divided by the largest entry of f'
 _ZERO = 1e-15  # largest |f| at a multiple root, divided by `terms`
@@ -344,7 +345,7 @@ class _Equations:
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
-        size = 1.0 if is_map else size  # multipliers become 0, at any size of f'
+        size = 1.0 if is_map else size  # integrals of maps get the multiplier 0
         return along @ slopes @ along - size * (one - along)
 
     @cached_property
@@ -359,10 +360,10 @@ class _Equations:
         return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
-        """Return Newton's step (..., k), the scaled f, a matrix, and a ratio of singular values.
+        """Return Newton's step, the scaled f, the matrix of the step, and a singular-value ratio.
 
-        The step is the matrix (..., k, k) times f. The ratio is the smallest singular value of f',
-        in units of the components, divided by the largest one.
+        The step (..., k) is its matrix (..., k, k) times f. The ratio is the smallest singular
+        value of f', in units of the components, divided by the largest one.
         """
         f, slopes = self.value(y), self.slopes(y)
         sizes = abs(slopes).max(axis=-1, initial=0.0)

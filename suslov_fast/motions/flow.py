@@ -197,7 +197,7 @@ def solved(
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         if report is not None or events:
-            # Sooner than `_replace`.
+            # This takes less time than `_replace`.
             others = request.threads, report, event_times, request.most, request.since
             request = SolverRequest(times, request.sign, settings, *others)
         if names:

@@ -51,8 +51,8 @@ _OF_ALL = 2.0**-6  # part of all directions in each of the first columns
 # most what rounding errors in an event leave of a column of length 1.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # what `progress` counts: parts of the time
-# A trajectory has a frame after _FEW segments, if they cover less than _PART of the time. It has at
-# most _LARGEST_FRAME columns; their products differ from 0 and 1 by at most _OFF times `rtol`.
+# After _FEW segments within _PART of the time, up to _LARGEST_FRAME tangent vectors become an
+# orthonormal frame V. After each further segment, entries of V^T V - 1 are at most _OFF `rtol`.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
 # With events, factors of the transient, and of the time for a first part of all segments. Segments
 # should not end just after an event, because they begin without memory of surfaces that were met;

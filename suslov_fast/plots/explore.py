@@ -58,7 +58,7 @@ class Page:
             self.quantities.append(Quantity(f"{name}(0)", value, -reach, reach))
 
     def _of_parameter(self, name: str, values: FloatArray) -> list[Quantity]:
-        """Return the components of a parameter; they have the range of their values in a family."""
+        """Return a `Quantity` for each component of a parameter, with its range in a family."""
         axes = self.system._axes.get(name, 0)
         components = values.reshape(-1, math.prod(values.shape[values.ndim - axes :])).T.tolist()
         least, quantities = 0.05 * (name in self.system._positive), []

@@ -69,7 +69,7 @@ def _arguments_of(result: Any) -> dict[str, Any]:
 
 
 def _batch_names(run: Any, parameters: Mapping[str, Any]) -> list[str]:
-    """Return a name for each axis of the batch: the first number that varies along it alone."""
+    """Return names of the batch axes: the first parameter or eps that varies on one axis only."""
     count = run.status.ndim
     names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
     for name in reversed([*varying_numbers(run)]):

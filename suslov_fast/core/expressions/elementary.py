@@ -67,7 +67,7 @@ def _square(a):
 
 
 # ----------------------------------------------------------------------------------- powers of two
-# Added to a number, they leave its nearest integer in the last bits of the sum.
+# The sum x + _SHIFT has the integer nearest to x in its last bits.
 _SHIFT = 1.5 * 2.0**52
 _BIASED = _SHIFT + 1023.0
 _TO_EXPONENT = from_bits(52)

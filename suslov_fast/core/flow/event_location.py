@@ -30,7 +30,7 @@ from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: part of t, and of the last time
-HIDDEN_FROM = 2.0**-20  # part of the last time; no shorter step hides crossings
+HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 # The longest step after a step to a surface, relative to that step and to the step that crossed the
@@ -279,7 +279,7 @@ def cut(code, before, total):
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
     text.copy(line.side, work.sides, 2 * surfaces)
-    if surfaces and not any(integrator.events.holds):  # where f ends, the state stays
+    if surfaces and not any(integrator.events.holds):  # a solution that ends at a surface stays
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
         with text.when(ended.any(), likely=False):
             for i in text.each(code.D):

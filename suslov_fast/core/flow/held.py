@@ -57,7 +57,7 @@ class Plan(NamedTuple):
     implicit_again: int  # address of the code of the implicit integrator after an alarm
     of_table: int  # address of the code of `code_of_program`, 0 if the table has all parameters
     is_bounded: int  # 1 if steps are at most a part of the time
-    by_starts: int  # number of columns that are derivatives by x0, which come first: D or 0
+    by_starts: int  # number of columns with respect to x0, which come first: D or 0
     columns: int  # number of columns of derivatives
     D: int  # number of components of x
     clocks: int  # where pairs for clocks end below, and parameters of columns begin
@@ -67,7 +67,7 @@ class Plan(NamedTuple):
     event_times: int  # pairs (time, event); 0 without events
     template: int  # what memory holds from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
-    ended: int  # the time at which the motion ended; and the size of columns by x0
+    ended: int  # the time at which the motion ended, then the unit of columns with respect to x0
     state: int  # the state at the time
     numbers: int  # `SharedNumbers`
     times: int  # the time, and two infinite ones

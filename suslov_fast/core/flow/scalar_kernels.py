@@ -7,9 +7,9 @@ from ..expressions.programs import Values
 from ..expressions.values import operand_of
 
 TINY = 2.0**-1000  # in place of 0
-AT_ONCE = 2.0**-36  # part of the time, within which things happen at once
-NEARLY = 2.0**-42  # part of the time: what happens so little before a time happens at it
-EDGE = 2.0**-38  # part of the time: a solution that ends so near to a surface ends there
+AT_ONCE = 2.0**-36  # part of the time t: events that are closer than this count as simultaneous
+NEARLY = 2.0**-42  # part of the time t: an event so little before a requested time is at that time
+EDGE = 2.0**-38  # part of the time t: a solution that ends so near to a surface ends there
 
 
 class ScalarKernel(NamedTuple):

@@ -36,8 +36,8 @@ class Dense(NamedTuple):
     fractions: Any  # (stages,), of eps
     values: Any  # (1 or B, T)
     eps: Any  # (1 or B,)
-    solve_at: int  # the address of `solve_at`, 0 as long as no lane has needed it
-    needs: Any  # (1,), set to 1 by a lane that needs it
+    solve_at: int  # address of the kernel `solve_at`, 0 before it is compiled
+    needs: Any  # (1,), set to 1 by a lane that needs `solve_at` while its address is 0
 
 
 class Memory(NamedTuple):

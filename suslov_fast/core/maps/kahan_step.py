@@ -47,7 +47,7 @@ LONGEST_OPTIMISED = 4000
 # The most products of elimination that depend on the state: of dense fields, which have more than
 # SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
-# Products of parameters alone, which NumPy carries out for each step size.
+# The most products of parameters alone, which NumPy computes once for each step size.
 LONGEST_ONCE = 400_000
 # The most components of programs with columns, and products of elimination times components. NumPy
 # and LAPACK take larger programs, which LLVM would compile for seconds.

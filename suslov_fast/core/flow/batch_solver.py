@@ -236,7 +236,7 @@ class BatchSolver:
     def run(self, threads=1, begun=None):
         """Take all steps, from the start or from `begun`: (rows, table, records) of a small batch.
 
-        `report` is called in this thread from time to time; if it returns False, the steps end.
+        This thread calls `report` from time to time. If `report` returns False, the steps end.
         """
         B = len(self.x0)
         self.caller = get_ident()
@@ -304,7 +304,7 @@ class BatchSolver:
     def _steps(self, integrator, rows, which, W, abandoned):
         """Take steps with one integrator, until no trajectory uses it or `abandoned` has an entry.
 
-        The trajectories have the rows `rows` (K, -) and the numbers `which`; W lanes take them.
+        `rows` (K, -) has the data of K trajectories, and `which` their numbers, for W lanes.
         """
         runner = self._runner(integrator, rows, which, W)
         while not abandoned:
@@ -334,8 +334,8 @@ class BatchSolver:
 class StepRunner:
     """A call of an integrator's code for W lanes: its arguments and its memory.
 
-    `take` takes steps of the trajectories in `rows`, with one table for all or one for each. The
-    arrays `numbers` and `components` are results of `numbers_of` and `components_of`.
+    The method `take` computes steps of the trajectories in `rows`, with one table for all or one
+    for each. The arrays `numbers` and `components` are from `numbers_of` and `components_of`.
     """
 
     def __init__(self, integrator, W, rows, table, numbers, components):

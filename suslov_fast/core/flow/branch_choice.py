@@ -5,13 +5,13 @@ branches are chosen, and f is evaluated with them. Columns v of derivatives beco
 
 v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
 
-because a solution that starts dx away reaches the surface s = 0 earlier, and continues with the
-other f. The determinant of this matrix is (grad s . f_after) / (grad s . f_before); its logarithm
-enters exponents.
+because a solution displaced by dx reaches the surface s = 0 earlier, and continues with f_after.
+(p is the parameter of the column.) This matrix has the determinant (grad s . f_after) /
+(grad s . f_before); its logarithm is a part of Lyapunov exponents.
 
-A solution that comes back to surfaces at once, again and again, slides along them, and ends. If a
-solution ends just before a surface, because f with the old branches has no value beyond it, the
-solution continues there with the other branches.
+A solution that comes back to surfaces at once, again and again, slides along them, and ends. If f
+with the old branches has no value beyond a surface, a solution may end just before the surface.
+Then it continues with the other branches.
 """
 
 import itertools
@@ -39,8 +39,8 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
     `chosen_at` is the time of the last change at which no event `acted` (0). `chosen_often` counts
-    changes in a row, each within AT_ONCE * t of the change before; here t counts as EARLY * `last`
-    at least. An event ends the row. At BACK_AND_FORTH a lane in the state `mode` becomes SLIDING.
+    consecutive changes, each within AT_ONCE * t of the change before, with EARLY * `last` in place
+    of a smaller t; after an event it is 0. At BACK_AND_FORTH a lane in the state `mode` is SLIDING.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
@@ -65,9 +65,9 @@ def LOOK_AHEAD(t, last, part, sign):
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
     """Return the rows of a trajectory that continues at the time t + ahead, beyond a surface.
 
-    The time does not pass `stop`, the next given time of an event; `signed` is the time from t to
-    there, with `sign`. After BACK_AND_FORTH changes in a row, each within AGAIN * t of the change
-    before, `state` is SLIDING; at the time `last` it is DONE, and otherwise `first_state`.
+    The new time does not pass `stop`, the next given time of an event. `signed` is the difference
+    to t, with `sign`. `state` is SLIDING after BACK_AND_FORTH consecutive changes, each within
+    AGAIN * t of the change before. At the time `last` it is DONE, and otherwise `first_state`.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
@@ -98,7 +98,7 @@ def TRACE(before, after, jumps, u):
 def add_branches(text, integrator, name, for_each):
     """Add the function void choose(arguments), which chooses branches at the state `new`.
 
-    It does so in lanes where `chooses` is 1. See `StepCode` for the arguments.
+    Only lanes where the row `chooses` is 1 get new branches. See `StepCode` for the arguments.
     """
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)

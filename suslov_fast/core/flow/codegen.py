@@ -13,8 +13,8 @@ from .memory import LaneState
 class FunctionCode:
     """A function of an `Integrator` in the text `text`: the base of classes that add functions.
 
-    `work` is the address of the workspace; `self.work` has an array for each part.
-    `name` begins the names of all functions. If `for_each` is True, each lane has its own table.
+    The argument `work` is the address of the workspace; `self.work` has an array for each part.
+    Names of functions begin with `name`. If `for_each` is True, each lane has its own table.
     """
 
     def __init__(self, text, integrator, name, for_each, work="%work"):
@@ -75,10 +75,10 @@ class StepCode(FunctionCode):
         return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
 
     def apply(self, kernel, i=0, **inputs):
-        """Apply a scalar kernel to component i; return {name: result}. `inputs` are inputs by name.
+        """Apply a scalar kernel to component i; return {name: result}.
 
-        Inputs that are not given are found by name in `SharedNumbers`, in `ComponentNumbers`, and
-        in the rows of `line` or `work`.
+        Inputs that are not in `inputs` are found by name in `SharedNumbers`, in `ComponentNumbers`,
+        and in the rows of `line` or `work`.
         """
         for name in [name for name in kernel.inputs if name not in inputs]:
             if name in SharedNumbers._fields:
@@ -93,8 +93,8 @@ class StepCode(FunctionCode):
     def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
         """Apply a kernel to component 0, 1, ... in turn; return its last results as a `Carried`.
 
-        Inputs of the kernel at component i are inputs(i), a dict, and its results at component
-        i - 1, which are `start` at component 0. There are `count` components, by default D.
+        At component i the kernel reads the dict inputs(i) and its results at component i - 1. At
+        component 0 these are `start`. There are `count` components, by default D.
         """
         found = Carried(**start)
         for i in self.text.each(self.D if count is None else count, found):
@@ -116,7 +116,7 @@ class StepCode(FunctionCode):
     def keep_largest(self, truth, i, x):
         """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true.
 
-        The row is |x| if steps have relative digits of the component, see `growing_components`.
+        If steps have relative digits of component i (`growing_components`), the row becomes |x|.
         """
         modulus, largest = abs(x), self.line.largest[i]
         is_new = modulus > largest
@@ -132,7 +132,7 @@ class StepCode(FunctionCode):
                 yield lane * 8
 
     def put_clocks(self, one, offset, time, to):
-        """Write clocks, which count from 0, into the state at `to`: rate times `time`, exactly.
+        """Write clocks, which count from 0, into the state at `to`: their rates times `time`.
 
         A sum over steps would add up rounding. `one` is the code of one lane, at byte `offset`.
         """

@@ -36,7 +36,7 @@ _SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
 def weights_at(v):
     """Return the weights in p(v) - x: of x_j - x, j = 1 ... 4, and of h / 4 f(x_j), j = 0 ... 4.
 
-    p interpolates states x_j and rates f(x_j) after j quarters of a step, where v = j.
+    p interpolates the states x_j and rates f(x_j) after j quarters of a step from x, where v = j.
     """
     of_states, of_rates = [], []
     for j in _NODES:

@@ -1,9 +1,8 @@
 """Actions of events at the end of a step, at given times and on surfaces.
 
-At one instant events with given times act first, in the order of their list. Then events act if the
-state has crossed their surfaces, by the motion or by another action. A trajectory stores its side
-of each surface. The code is a separate function, because events at time 0 act before the first
-step.
+At one instant events with given times act first, in the order of their list. Then events act if a
+step or an action has led the state across their surfaces. For this a trajectory stores its side of
+each surface. The code is a function of its own, because events at time 0 act before the first step.
 
 Scalar kernels read four numbers of a surface s = 0 at a state: `value` is s, `rate` is ds/dt, and
 `size` and `rate_size` are the sums of the moduli of their terms. `sign` is the sign of time. A
@@ -46,8 +45,8 @@ def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
 
     `side` is 1 above, 0 below, GAP where s is NaN. A state is also on the surface if |s| is
-    rounding, or at most |ds/dt| * NEARLY * t. Then its side is where the rate leads, and the level
-    moves, so that s lies on this side; if the rate is rounding, the side is STAYS.
+    rounding, or at most |ds/dt| * NEARLY * t. Then its side is the one to which the rate leads, and
+    the level moves so that s lies on this side. If the rate is rounding, the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
     is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
@@ -74,10 +73,10 @@ def TOUCHING_SIDE(
     """Return `side` and `level` of a state at a surface s = 0, if its rate does not decide them.
 
     `side` is 1 if s = 0 all around the state. Only s with branches, such as min(x, 0), can be 0 all
-    around (`has_branches` is 1); cos(x) - 1 just touches 0. Where an event has acted after a
-    crossing up or down (`fired` is 1 or -1) and the rate `later`, after a moment, leads back, the
-    state is back on the side that it came from. `slopes` is sum |ds/dx_j|, and `slopes_later` is
-    the same sum a moment later.
+    around (`has_branches` is 1); cos(x) - 1 just touches 0. `fired` is 1 or -1 if an event has
+    acted after a crossing up or down. If the rate `later`, a moment later, then leads back, the
+    state is on the side that it came from. `slopes` is sum |ds/dx_j|, `slopes_later` the same sum
+    a moment later.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
@@ -97,12 +96,11 @@ def CROSSED(
 ):  # fmt: skip
     """Return whether a state crossed a surface `up` or `down`; update the rows of the surface.
 
-    A crossing is a change of the side between 1 and 0, where events may act (`is_here` is 1). On
-    the surface the rate decides (`_side`). If the rate is rounding, the side remains, unless the
-    step led across (`by_motion` is 1). An event that `holds` states leaves them above, until s is
-    below the level. A state that crossed the surface at `crossed_at`, and was beyond it by rounding
-    alone, does not cross back at once. On the surface `near` becomes 2 |s| at least. The last time
-    of the run is `last`.
+    In a crossing the side changes between 1 and 0, where events may act (`is_here` is 1). On the
+    surface the rate decides (`_side`). If the rate is rounding, the side remains, unless the step
+    led across (`by_motion` is 1). If `holds` is 2, it stays above until s is below the level. A
+    state that crossed at the time `crossed_at`, and was beyond the surface by rounding alone, does
+    not cross back at once. On the surface `near` becomes 2 |s| at least. The run ends at `last`.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
@@ -187,7 +185,7 @@ def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, l
 def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
     """Return `state`, `often`, and the time `at` of actions, or the `limit` where they accumulate.
 
-    They accumulate if they are `endless` at one instant, or if `often` + `more`, the number of
+    Actions accumulate if they are `endless` at one instant, or if often + more, the number of
     actions at once, is ACTIONS_AT_ONCE. `most` bounds `actions`; `total` is finite if f is.
     """
     often_now = (more > 0.0).select(often + more, 0.0)
@@ -207,7 +205,7 @@ def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, l
 def add_actions(text, integrator, name, for_each):
     """Add the function void change(arguments), in which events act on the state `new`.
 
-    They act in lanes where `accepted` is 1. See `StepCode` for the arguments.
+    Events act in lanes where the row `accepted` is 1. See `StepCode` for the arguments.
     """
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
@@ -324,8 +322,8 @@ def _most(events):
 def most_records(events, equal):
     """Return how many records a trajectory may add at one instant; `equal` given times coincide.
 
-    Events on surfaces act in rounds; in each round but the last some event acts. Events that only
-    record may do so in every round.
+    Events on surfaces act in rounds; in each round except the last some event acts. Events that
+    only record crossings may record one in every round.
     """
     recorders = sum(map(events.only_records, range(events.surfaces)))
     if recorders == events.surfaces:
@@ -440,7 +438,7 @@ def _record_crossing(code, k, counts, by_motion):
 def _act(code, k, truth, by_motion=None):
     """Let event k act in lanes `truth`: change the state, count the action and record it.
 
-    A step led to the surface in lanes `by_motion`, which is None for an event at given times.
+    In lanes `by_motion` a step led to the surface. `by_motion` is None for events at given times.
     """
     text, work, integrator = code.text, code.work, code.integrator
     components, D = integrator.events.components[k], integrator.f.of.D
@@ -472,10 +470,10 @@ def _act(code, k, truth, by_motion=None):
 def _take_columns(code, k, truth, by_motion, before, f_before):
     """Find tau of each column of derivatives, and change columns in lanes `truth`.
 
-    A solution displaced by dx times the column reaches event k a time tau dx earlier. tau is found
-    in lanes `by_motion`, see `_act`; if another action caused the event, both have the same tau.
-    Columns change if the action changes the state; `before` and `f_before` are the state and f
-    before the action.
+    A solution displaced by dx times the column reaches event k a time tau dx earlier. In lanes
+    `by_motion` (see `_act`) tau is computed; an event caused by an action has the tau of that
+    action. Columns change if the action changes the state. `before` and `f_before` are the state
+    and f before the action.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     for c in range(f.columns):

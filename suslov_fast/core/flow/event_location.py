@@ -4,20 +4,19 @@ A step evaluates surfaces at POINTS of its length, at the states (`POINT`)
 
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
-and `watch` of the integrator compares both ends of each part. A step that may hide two crossings
-between points, see `double_crossings`, is taken again, shorter. Then states there are more
-accurate, by f at one of them. In an implicit step they lie on the polynomial of degree 4 through
-the states at its quarters.
+and the program `watch` of f compares both ends of each part. A step that may hide two crossings
+between points (`double_crossings`) is repeated with less length. Then f at one point makes the
+states more accurate. In implicit steps a polynomial of degree 4 through the quarters gives them.
 
-A step that crosses a surface is taken again and again from the same state (`SEARCH`). Its lengths
-lie between `inner`, at which no surface is crossed, and `outer`, at which one is. Newton's method
-uses values and rates at the ends of these steps (`step_to_surface`). If it fails, the next length
-is where a straight line between the states at `inner` and `outer` crosses the surface. If always
-the same end moves, the other end gets half the weight, a quarter, ... (the Illinois rule); after
-ROUNDS the length is the midpoint. Once both lengths differ by less than PLACE of the time, or a
-surface was crossed less than that ago, the step of length `outer` is accepted. Points inside an
-implicit step are inaccurate, so there the first length leads to the end of the part. If a step
-begins on a surface, as a ball after a bounce, Newton's method starts from its end.
+A step that crosses a surface is repeated with other lengths from the same state (`SEARCH`). They
+lie between `inner`, at which no surface is crossed, and `outer`, at which one is crossed. Newton's
+method uses values and rates at the ends of these steps (`step_to_surface`). If it fails, a straight
+line between the states at `inner` and `outer` is used: the next length is where it meets the
+surface. If the same end moves each time, the other end gets half the weight, a quarter, ... (the
+Illinois rule). After ROUNDS tries the length is the midpoint. The step of length `outer` is
+accepted if both lengths differ by less than PLACE of the time, or if it ends less than this time
+after the crossing. Points inside an implicit step are inaccurate, so the first length leads to the
+end of the part. If a step begins on a surface (after a bounce), Newton's method starts at its end.
 """
 
 import itertools
@@ -66,7 +65,7 @@ POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quarti
 def QUARTIC(x, new, f, f_new, signed, f_point):
     """Return `quartic`, the factor of u**2 (1 - u)**2 in `_point`, or 0 if it is not finite.
 
-    It makes the rate at u = POINTS[0] equal `f_point`. A step of length `signed` leads x to `new`.
+    With it the rate at u = POINTS[0] is `f_point`. A step of length `signed` leads from x to `new`.
     """
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
@@ -96,7 +95,7 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     """Return the first crossing in a step: `crossed` (0 if none), its fraction `place`, and `end`.
 
     Inputs with these names are from earlier parts of the step. This part has the width `width` and
-    ends at the fraction u. If `crosses` is 1, it has a crossing at the fraction `part`, and
+    ends at the fraction u. If `crosses` is 1, there is a crossing at the fraction `part` of it, and
     `end` becomes u. The step length is `taken`. Parts within the length `inner` do not count.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
@@ -255,9 +254,9 @@ def TIME_AND_STATE(
 ):  # fmt: skip
     """Return `t`, `steps` and `state` after a step, and whether f may have `jumped` at its end.
 
-    A step that is `refused` leaves no trace; `before` is its beginning. A step aside that `lands`
-    on a surface is a step to the time `next`. `jumps` is 1 if f jumps at the surface. After a jump,
-    or where f ends, a lane goes on in the state `mode`, unless there are more than `most` tries.
+    If `refused` is 1, all stays as at `before`, the time at which the step began. If `lands` is 1,
+    a step aside has reached a surface and ends at the time `next`. `jumps` is 1 if f jumps there.
+    After a jump, or where f ends, `state` becomes `mode`, unless there are more than `most` tries.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
@@ -356,7 +355,7 @@ def _keep_beyond(code, truth, state):
 def _look_inside(code, k, u, x):
     """Write the arguments of sin, cos and tan, and rates of surfaces, at point k of a step.
 
-    There the state is x, at the fraction u of the step.
+    The state at this point is x; it is at the fraction u of the step.
     """
     work, integrator, moving = code.work, code.integrator, code.work.moving
     of, D, points = integrator.double_crossings, integrator.watched, 1 + len(POINTS)

@@ -112,7 +112,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     """Return the motion of f over a time as a `MotionSystem`; its machine code stays in memory.
 
     `given` (P,) are all parameters of f; the first ones are `parameters`, which may change. If f
-    has columns of derivatives, the last ones are by the parameters that have the numbers `by`.
+    has columns of derivatives, the last ones belong to the parameters with the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     has_atol, again = settings.atol is not None, closer(settings)

@@ -1,7 +1,7 @@
 """The trajectories in lanes: which lane takes the next, where it begins, and the budget of steps.
 
-When the trajectory of a lane ends, the lane writes it back, and takes the next one that waits. In
-memory the rows of a trajectory are consecutive; the rows of a lane are W numbers apart.
+When the trajectory of a lane ends, it is copied to memory, and the lane starts the next one that
+waits. In memory the rows of a trajectory are consecutive; the rows of a lane are W numbers apart.
 """
 
 from ..llvm.text import Integers, Shared

@@ -5,20 +5,20 @@ With s = h / N and A = 1 - s J, where J is f' at x, a column is
 c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
 
 and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends is valid
-for every J. With J at x alone, a column does not notice a layer of f that its first or last
-sub-step crosses. With c_1 and c_N, the increments in the first and in the last sub-step, two
-quantities notice it:
+for every J. As J is f' at x, a column does not show a layer of f that its first or last sub-step
+crosses. Let c_1 and c_N be the increments in the first and in the last sub-step. Two quantities
+show such layers:
 
 N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next).
 
 They vanish on true steps after extrapolation: c_1 is s f(x) + s J c_1. A step is tested by
 A**-1 (first + second / 2), with A of the last column, so that layers at both ends do not cancel.
 At a knee f' at the end is so much smaller than J that A**-1 hides a wrong end, which followed the
-slow motion of the start. So f is evaluated once more, at the end plus this sum. Where this shows
-another f', A of the end is factored, and A**-1 second / 2 with this A counts as well.
+slow motion of the start. So f is evaluated once more, at the end plus this sum. If f' at the end
+then differs from J, A is factored with f' of the end, and A**-1 second / 2 is tested as well.
 
-Columns 4, 8, 12 and 16 pass the quarters of the step. States there, extrapolated like the end, are
-of order 4, and as stable. They locate the crossings of surfaces.
+Columns with N = 4, 8, 12 and 16 pass the quarters of the step. States at the quarters are
+extrapolated like the end, with order 4 and the same stability. They locate crossings of surfaces.
 
 The power iteration on f' gives the largest rate |mu| of the motion: with components z_i relative to
 their largest moduli S_i,
@@ -45,9 +45,9 @@ AT_END = 16.0
 def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     """Set `differs` to 1 if f' at the end of a step, times `right`, differs from f' at its start.
 
-    With f' of the start, (1 - s f') `right` is `apart` + `at_end`. With f' of the end it follows
-    from `f_new`, f at the end, and `f_beside`, f at the end + `right`. f' differs if this is less
-    than half of the sum. Sums within MOST_APART allowed errors (1 / `inverse`) do not count.
+    With f' of the start, (1 - s f') right is `apart` + `at_end`. With f' of the end it follows from
+    `f_new`, f at the end, and `f_beside`, f at the end + right. f' differs if the second value is
+    below half of the first. Values up to MOST_APART allowed errors (1 / `inverse`) do not count.
     """
     whole, own = apart + at_end, right - s * (f_beside - f_new)
     is_large = AT_END * abs(whole) * inverse > MOST_APART

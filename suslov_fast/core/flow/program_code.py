@@ -1,6 +1,6 @@
 """Programs of a right-hand side at one state as machine code: its table, f, and entries of f'.
 
-NumPy takes a microsecond for each operation. The bits are the same.
+The bits are the same as in NumPy, which would need a microsecond for each operation.
 """
 
 import functools
@@ -19,8 +19,8 @@ TABLE = "table"
 def code_of_program(f, name):
     """Return the code of a program of f; `name` is "f", "derivative", or TABLE for f's table.
 
-    It reads the state (D,) and the table (n,), or for the table the parameters (P,), and writes the
-    results behind them. The second value says how many numbers it needs behind the results.
+    The code reads the state (D,) and the table (n,), or for the table the parameters (P,), and
+    writes the results behind them. The second value is how many numbers of memory must follow.
     """
     if name == TABLE:
         function, skipped, given = ProgramFunction(Program(f.fixed, f.table), f.D + f.P), f.D, f.P

@@ -1,11 +1,11 @@
 """The second trial of a step whose error may be due to rounding of the state.
 
-The state is rounded, and f with it. The effect is large if components cancel, or if f is steep in
-time or begins at 0. So a step that would be rejected has a second trial. It allows the error
-|h (f(x') - f(x))| for states x' beside the ends of the step, at the end where this is less. In an
-implicit step A**-1 multiplies it, see `linearly_implicit`, because fast modes forget it. In x'
-clocks are 2**-50 of their values later, and other components differ by about 2**-49 of theirs. A
-trial takes time. So it is only for steps after one that was rejected, or accepted by a trial.
+Rounding of the state changes f. The effect is large if components cancel, or if f is steep in time
+or begins at 0. So a step that would be rejected has a second trial. The trial allows an error of
+|h (f(x') - f(x))| for a state x' beside an end x of the step, at the end where this is less. In an
+implicit step A**-1 (`linearly_implicit`) multiplies the allowed error, because fast modes forget
+it. In x' clocks are later by 2**-50 of their values, and other components differ by about 2**-49 of
+their values. A trial takes time, so only steps after a rejected step or another trial have one.
 
 A component that is 0 up to rounding, because terms of its rate cancel, consists of rounding alone:
 no step has digits of it, and shorter steps would not help. So an error below NOISY of the largest
@@ -58,7 +58,8 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 def BESIDE_POINTS(most, least, largest, second, is_end):
     """Update `least`, `largest` and `second` by `most`, the largest change of f beside one point.
 
-    `least` is the smaller change at both ends (`is_end` is 1), the others the largest anywhere.
+    `least` is the smaller of the changes at the two ends (`is_end` is 1). `largest` and `second`
+    are the two largest changes at all points.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
@@ -99,8 +100,8 @@ def SECOND(
 def try_again(code, sums):
     """Test again, with larger allowed errors, steps whose errors may be rounding; return a dict.
 
-    It has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has the values before the
-    trial, see `find_errors`; lanes without a trial keep these values.
+    The dict has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has their values
+    before the trial (`find_errors`), which lanes without a trial keep.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]

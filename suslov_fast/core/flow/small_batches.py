@@ -81,7 +81,7 @@ class _PreparedRunner(StepRunner):
 
 @functools.lru_cache(64)
 def prepared(f, settings, sign, B, for_each):
-    """Return the list of unused `_PreparedRunner`s for these arguments; calls take and return them.
+    """Return the list of unused `_PreparedRunner`s for these arguments.
 
     `sign` is 1, or -1 backward in time. If `for_each` is True, each of B trajectories has a table.
     """
@@ -89,9 +89,9 @@ def prepared(f, settings, sign, B, for_each):
 
 
 def solve_small_batch(f, table, x0, request):
-    """Take trajectories x0 (B, D) to the times of a `SolverRequest`, as far as one integrator goes.
+    """Compute trajectories from x0 (B, D) until one of them needs the other integrator.
 
-    A single trajectory goes to the end, with both integrators.
+    A single trajectory is computed to the end, with both integrators.
 
     `table`, (n,) or (B, n), is the table of f. Return (states, columns, records, begun):
 

@@ -1,22 +1,22 @@
 """The length of the next step, and which integrator takes it.
 
-The estimate of an explicit step of order 10 is of order 9. So the next length is SAFETY
-ratio**(-1/9) times this one, within 3.4 percent, by the bits of the ratio. A rejected step is taken
-again with this length, and the step after that is not longer.
+The error estimate of an explicit step of order 10 is of order 9. So the next length is this length
+times SAFETY ratio**(-1/9), within 3.4 percent, by the bits of the ratio. A rejected step is
+repeated with the next length, and the step after that is not longer.
 
 All columns may agree on a false end, because f changes within a layer thinner than their sub-steps.
 Columns of `gragg` and `linearly_implicit` have a sum that vanishes on true steps, to the order of
 the method. A step is rejected if this sum exceeds MOST_APART times the allowed error.
 
-If the next step would pass a single requested time, a step aside from the same state reaches it
-first. It is tested, and its end is saved, but the trajectory stays. Implicit steps have one for
-each time. If an explicit step passes several times, they lie on a polynomial (`dense_output`).
+If the next step would pass one requested time, a `step aside` from the same state ends there first.
+It is tested, and its end is saved, but the trajectory stays. Implicit steps have a step aside for
+each time. If an explicit step passes several times, a polynomial gives them (`dense_output`).
 
-The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' on the left. The difference
-quotient of f between the next state and the end of the last column shows the largest |mu| at no
-cost. After `patience` steps with h |mu| above `limit` a lane becomes implicit. A false step counts
-as OF_FALSE of these, because the shorter step after it looks less stiff. A lane becomes explicit
-again if h |mu| stays below twice the limit for EASY steps, with |mu| by the power iteration on f'.
+The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' with negative real parts.
+The difference quotient of f between the next state and the end of the last column shows the largest
+|mu| at no cost. After `patience` steps with h |mu| above `limit` a lane becomes implicit. A step
+with a false end counts as OF_FALSE such steps, because the shorter next step looks less stiff. Then
+power iteration on f' finds |mu|. A lane is explicit again after EASY steps with h |mu| < 2 limit.
 """
 
 from math import inf, sqrt

@@ -20,9 +20,9 @@ from .stormer import StormerColumns
 def text_of_integrator(integrator, name, W, for_each):
     """Return LLVM's text of the function i64 name(arguments) of an `Integrator`, for W lanes.
 
-    The argument is the address of `CodeArguments`; if `for_each`, each lane has its own table. The
-    function takes all steps with this integrator, and returns 1. When the budget of steps is spent,
-    it returns 0, and the next call continues. When a trajectory ends, its lane takes the next one.
+    Its argument is the address of `CodeArguments`. If `for_each` is True, each lane has its own
+    table. The function takes all steps with this integrator, and returns 1; or 0 when the budget of
+    steps is spent, and the next call continues. When a trajectory ends, its lane starts another.
     """
     text = Code(W)
     for key, function in integrator.functions.items():

@@ -12,7 +12,7 @@ smoothing is needed. The rule is symmetric, and has the weights of Gragg's rule.
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns at equal
 estimates; therefore the estimate is multiplied by `tolerance.CAUTION`.
 
-No difference of two sequences shows false ends: if f has thin layers, columns are Gragg's.
+Only Gragg's rule has two sequences that show false ends. It is used if f may have thin layers.
 """
 
 from .gragg import OF_SETS, ExplicitColumns

@@ -34,9 +34,9 @@ _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 def floors_of(rtol):
     """Return `floor` of explicit and of implicit steps, relative to the largest value so far.
 
-    With larger floors relaxation oscillations jump at wrong times, which depend on components that
-    have 1e-4 to 1e-2 of their largest values. At 1e-4, 12 of 779 populations and oscillations are
-    wrong with `floor` = 1e-5, and 7 with 1e-6.
+    With larger floors relaxation oscillations jump at wrong times, because the times depend on
+    components at 1e-4 to 1e-2 of their largest values. At rtol = 1e-4, 12 of 779 populations and
+    oscillations are wrong with `floor` = 1e-5, and 7 with 1e-6.
     """
     return min(rtol, 1e-6), min(rtol, 1e-4 * sqrt(rtol))
 
@@ -67,7 +67,7 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 def RATIO(error, inverse, f_new, ratio, total, aside):
     """Update `ratio` = max |error| * inverse (1 / allowed error); `total` is finite if f_new is.
 
-    An implicit step `aside` (1) saves its end alone, which does not need f_new.
+    If `aside` is 1 (an implicit step aside), only the end is saved, and f_new does not count.
     """
     own = abs(error) * inverse
     return {
@@ -96,9 +96,9 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 def find_errors(code, sizes):
     """Return `ratio`, `total`, `apart`, `alerts` and other sums over all components, by name.
 
-    They are results of `RATIO`, `ALERTS`, `LARGE` and `DIFFERENCES`. `apart` is the ratio for the
-    sum d that shows false steps. The row `error` has errors, and `inverse` gets 1 / allowed errors.
-    `sizes` is from `find_next_state`.
+    The sums are results of `RATIO`, `ALERTS`, `LARGE` and `DIFFERENCES`. `apart` is the ratio of
+    the sum d that shows false steps. The row `error` has errors; the row `inverse` gets 1 / allowed
+    errors. `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "alerts"] + (

@@ -126,8 +126,9 @@ def _blocks(operations):
 def multiply(text, matrix, values, to):
     """Write the product of a `DenseMatrix` and `values`, then the values, to the `Array` `to`.
 
-    A single lane takes AT_ONCE rows of the matrix at a time, in the lanes of vectors; several lanes
-    take as many rows as registers hold sums. An entry is 0 + a_i0 v_0 + a_i1 v_1 + ..., in order.
+    For a single lane the lanes of vectors compute AT_ONCE rows of the matrix at a time; for several
+    lanes the rows at a time are as many as registers hold sums. An entry is 0 + a_i0 v_0 + a_i1 v_1
+    + ..., added in this order.
     """
     n, m = matrix.matrix.shape
     v = to.from_here(matrix.height)

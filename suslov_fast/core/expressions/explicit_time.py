@@ -84,7 +84,7 @@ class ElapsedTime:
         self.known = {a: a for a in range(first)} | {
             i: _Pair(i, offset) for i, offset in self.offsets.items()
         }
-        # Values that are constant along a step; `floor` and truth values are, as branches.
+        # Values that are constant along a step. `floor` and truth values are branches, so constant.
         self.rigid = {a for a in old.fixed if a < first}
         for name, number, operands in operations:
             is_choice = name == "floor" or name in OF_TRUTH_VALUES

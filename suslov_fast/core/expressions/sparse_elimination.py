@@ -17,7 +17,7 @@ import numpy as np
 
 from .symbolic_elimination import bits_of
 
-# With 8 an orbit of a lattice of 144 variables takes 0.9 of the time, and the same for 784.
+# Spans with gaps of up to NEAR rows are joined. With 8 lattices of 144 variables gain 10 %.
 NEAR = 4
 
 

@@ -38,9 +38,9 @@ class Settings(NamedTuple):
     """Settings of all trajectories: keywords of `flow`, under their names."""
 
     rtol: float
-    atol: Any = None  # if it is given, one number for all components, or a tuple of one for each
+    atol: Any = None  # None, a number for all components, or a tuple with a number for each
     max_step: float | None = None
-    stiff: bool | None = None  # True if all steps are implicit, None to choose
+    stiff: bool | None = None  # True if all steps are implicit, None if the solver chooses
 
 
 def closer(settings):
@@ -55,7 +55,7 @@ class SolverRequest(NamedTuple):
     sign: int  # -1 backwards in time, else 1
     settings: Settings
     threads: int | None = None
-    report: Any = None  # takes the number of states that are done; it may return False to stop
+    report: Any = None  # called with the number of finished states; the result False ends the run
     event_times: Any = None  # `EventTimes`, if f has events
     most: float = inf  # recorded crossings after which a trajectory stops
     since: float = -1.0  # modulus of the time after which crossings count
@@ -112,7 +112,7 @@ def code_of(integrator, W, for_each):
         key = "motion", integrator.key, W, for_each
         text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
         integrator.codes[W, for_each] = code = compiled(key, text_of, 1)
-        if integrator.f.products:  # the code reads the entries of their matrices
+        if integrator.f.products:  # the code reads entries of the matrices of `products`
             vars(code).setdefault("functions", integrator.functions)
     return integrator.codes[W, for_each]
 
@@ -160,7 +160,7 @@ def counted_from_start(f, table, x0):
     if not np.count_nonzero(starts):
         return table, x0, None
     own, x0 = f.of, x0.copy()
-    count = own.P if f.branches is None else f.branches.P  # branches have the places after these
+    count = own.P if f.branches is None else f.branches.P  # branches have the next places
     if f is own and len(x0) == 1:  # NumPy would take ten times as long
         given = np.zeros(own.P)
         given[:count] = table.ravel()[:count]
@@ -269,7 +269,7 @@ class BatchSolver:
             lost, D = self.lost[block], self.lost.shape[1]
             lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
             found[:, rows.lost : rows.lost + D] = lost
-            for c in range(self.f.columns):  # derivatives are RELATIVE where x is
+            for c in range(self.f.columns):  # columns are RELATIVE where x is RELATIVE
                 first = rows.lost + D * (1 + c)
                 found[:, first : first + D] = np.minimum(lost, 0.0)
             found[:, rows.watches] = lost.max(axis=1, initial=0.0)

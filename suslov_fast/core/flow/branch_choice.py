@@ -27,8 +27,8 @@ from .scalar_kernels import AT_ONCE, scalar_kernel
 
 _BEFORE = 2  # number of results of `branches` that precede the branches
 
-BACK_AND_FORTH = 12.0  # a solution that changes its branches this often at once slides
-EARLY = 2.0**-12  # part of the last time: times of changes count as this part at least
+BACK_AND_FORTH = 12.0  # so many changes of branches in a row at one instant count as sliding
+EARLY = 2.0**-12  # part of the last time: earlier changes of branches count as changes then
 # Parts of the time. If a solution ends just before a surface, the surface is sought within NEAREST,
 # then up to AHEAD. If the solution ends so again within AGAIN, that counts as a change at once.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
@@ -196,7 +196,7 @@ def _choose(code, truth, acted):
     update_branches(code, truth, by_motion=True)
     code.call("f", work.new, code.table, work.f_new)
     if has_columns:
-        own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # events update columns
+        own = truth & acted.equals(0.0) & (work.chosen[0] >= 0.0)  # an event updates columns itself
         with text.when(own.any()):
             for i in text.each(f.D):
                 code.keep_largest(own, i, work.new[i])

@@ -58,5 +58,5 @@ class SharedNumbers(NamedTuple):
 
 
 SLOT = CodeArguments(*range(len(CodeArguments._fields)))
-NUMBER: Any = SharedNumbers(*range(len(SharedNumbers._fields)))  # the places of the numbers
+NUMBER: Any = SharedNumbers(*range(len(SharedNumbers._fields)))  # places of these numbers
 COMPONENT = ComponentNumbers(*range(len(ComponentNumbers._fields)))

@@ -131,7 +131,7 @@ def _find_nodes(code):
         node = work.nodes.after(2 * k * D)
         for i in text.each(D):
             ends = code.of_columns(work.ends, i)[: FEW + 1]
-            ends[FEW] = needs.select(ends[FEW], 0.0)  # the end of this column may not be there
+            ends[FEW] = needs.select(ends[FEW], 0.0)  # if no lane needs this column, it has no end
             node[i] = x[i] + weighted(factors, ends)
         code.call("f", node, code.table, work.f)
         x, f = node, node.after(D)

@@ -27,12 +27,12 @@ from .step_length import AT_FIRST, first_length, sizes_of
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
-LOW = 2.0**-44  # part of the terms of a sum, up to which its value is low
-SOON = 2.0**-20  # part of the time; a rate is slow if it changes s by less than rounding within it
+LOW = 2.0**-44  # part of the terms of a sum: a smaller sum is rounding
+SOON = 2.0**-20  # part of the time: a rate is slow if the change of s in this time is rounding
 LEAST = 2.0**-1074  # the least positive number
 MOMENT = 2.0**-16  # part of the last step, over which the change of rates is measured
 STAYS = 0.25  # in place of the side of a state that stays on the surface
-FASTER = 4.0  # rate after actions, relative to the rate at the beginning of the step before
+FASTER = 4.0  # growth of the rate of x by an action, above which the next step is shorter
 
 
 def _level(is_above, value, rounding):
@@ -406,7 +406,7 @@ def _cross(code, k, is_there, by_motion):
         _act(code, k, fires, by_motion)
         if events.components[k]:
             _look_at_end(code)
-            after = _at_surface(code.work.toward, k)  # where it acted, the state was on the surface
+            after = _at_surface(code.work.toward, k)  # an action begins on its surface
             after["near"] = crossing["near"] + LOW * after["size"]
             after["rate_size"] = after["rate_size"] + abs(numbers["rate"])
             now = code.apply(SIDE, **after)

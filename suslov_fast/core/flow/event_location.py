@@ -36,7 +36,7 @@ ROUNDS = 14.0
 # surface: the next surface may be as near. With 64 the equation x" = -sign(x) to 1e5 takes 9 tries
 # a jump, without it 12; 6,000 random knots take 1 % more time, and 8 % more with 8.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
-OF_WAVES = 0.9  # of the longest step that waves allow, the length of the next one
+OF_WAVES = 0.9  # length of the next step, as a part of the longest step that waves allow
 BESIDE = 2.0**-12  # part of a step, over which a difference of states gives their rate
 ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
 
@@ -190,7 +190,7 @@ def SEARCH(
     is positive for the state at `inner`, negative for `outer`. `rounds` counts tries, `aim` is the
     length by Newton's method. If `inner` and `outer` agree to the `accuracy`, `outer` is next.
     """
-    misses = holds & (taken >= outer)  # the surface lies farther
+    misses = holds & (taken >= outer)  # the surface lies beyond `outer`
     of_end = (crossed > 0.0).select(end, 1.0) * taken
     of_place = (crossed > 0.0).select(place, whole_part) * taken
     is_beyond = cuts & searched & ~((inner <= 0.0) & (crossed > 0.0))
@@ -200,7 +200,7 @@ def SEARCH(
     part = cuts.select((of_place - inner) / (outer - inner), part)
 
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
-    starts_on = cuts & (inner <= 0.0) & (part < LEAST_PART)  # as after a jump: a line shows nothing
+    starts_on = cuts & (inner <= 0.0) & (part < LEAST_PART)  # after a jump no straight line fits
     part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
     part, width = starts_on.select(0.5, part), outer - inner
     of_inner = (weight >= 1.0).select(heavier, 1.0)

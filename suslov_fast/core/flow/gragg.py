@@ -34,7 +34,7 @@ SHORT = 25
 _LAST, *_PAIRED = sorted(EXPLICIT, reverse=True)
 _PAIRS = [(N, _LAST - N) for N in _PAIRED if 2 * N >= _LAST]
 IN_LANES = (_LAST,), *_PAIRS, *[(_LAST,)] * (-(1 + len(_PAIRS)) % 4)
-OF_SETS = "f_a", "f_b"  # names of functions, if there are `Integrator.sets`
+OF_SETS = "f_a", "f_b"  # names of the parts of f, if there are `Integrator.sets`
 
 
 class ExplicitColumns(FunctionCode):

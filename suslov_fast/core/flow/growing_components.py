@@ -31,7 +31,7 @@ from .codegen import StepCode
 from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
-RELATIVE = -1.0  # in place of `lost`
+RELATIVE = -1.0  # in place of `lost`: the component has relative digits
 LATER = 1.001  # the ratio of two times of ends up to which both may be at the same pole
 # Exponents a h of growth in a step: NEXT in an implicit step, after which one may be four times as
 # long; LONG in an explicit step that loses 1e-6 of its growth, (a h / MOST)**10 of exp(a h).
@@ -46,7 +46,7 @@ LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
 MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
 SOME, OF_IMPLICIT = 1.6e-3, 0.125  # see `some_of`
-DEEP = 5e-4  # or 100 rtol: part of a component that keeps its sign
+DEEP = 5e-4  # or 100 rtol: relative error above which a component of one sign has no digits
 UNDERFLOW = 2.0**-990
 
 

@@ -42,11 +42,11 @@ STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
-_ALL, _WITHOUT = 3, 4  # numbers of tries with relative digits of all components, and of none
+_ALL, _WITHOUT = 3, 4  # numbers of the tries in which all, and no, components have relative digits
 OF_ANOTHER = -128  # in place of a status: the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
-_kept = {}  # codes by their addresses, so that they stay in memory
+_kept = {}  # codes by their addresses: a code in this dictionary stays in memory
 
 
 class Plan(NamedTuple):
@@ -60,12 +60,12 @@ class Plan(NamedTuple):
     by_starts: int  # number of columns with respect to x0, which come first: D or 0
     columns: int  # number of columns of derivatives
     D: int  # number of components of x
-    clocks: int  # where pairs for clocks end below, and parameters of columns begin
+    clocks: int  # place in the plan where pairs for clocks end and parameters of columns begin
     # In `constants`, after the rows of `ComponentNumbers`:
     components_again: int  # rows of `ComponentNumbers` for motions that are computed again
     numbers_again: int  # `SharedNumbers` for motions that are computed again
     event_times: int  # pairs (time, event); 0 without events
-    template: int  # what memory holds from `numbers` to `table` before a motion
+    template: int  # content of the memory from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
     ended: int  # the time at which the motion ended, then the unit of columns with respect to x0
     state: int  # the state at the time
@@ -97,12 +97,12 @@ class MotionSystem(NamedTuple):
     """A field and a time, for compiled loops."""
 
     # Few fields, because a call from Python takes 0.1 us for each.
-    address: int  # of the code of the integrator with which a motion begins
+    address: int  # address of the code of the integrator with which a motion begins
     plan: Any  # `Plan`, as an array
     constants: Any
     parameters: Any  # (n,), the first of the parameters of f
     time: float
-    dimension: int  # of x, and of its columns
+    dimension: int  # number of components of x and of its columns
 
 
 PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
@@ -189,7 +189,7 @@ def _begin(system, x0, memory, inputs, x):
         for k in range(len(inputs)):
             memory[plan[PLAN.table] + k] = inputs[k]
     sizes = memory[plan[PLAN.work] - (len(plan) - plan[PLAN.clocks]) : plan[PLAN.work]]
-    for q in range(len(sizes)):  # sizes of columns are the end of the table
+    for q in range(len(sizes)):  # the table ends with the sizes of columns
         sizes[q] = _power_of_2(inputs[plan[plan[PLAN.clocks] + q]])
     numbers[NUMBER.last], memory[plan[PLAN.times]] = time, time
     numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0

@@ -112,7 +112,7 @@ class Integrator:
         P, of_x = self.events.P, self.f.of
         for name, (program, rows) in self.events.parts.items():
             if not self.f.columns and name.startswith(("tau", "column")):
-                continue  # only columns of derivatives need these
+                continue  # only columns of derivatives need these functions
             places = {rows + p: p for p in range(P)}
             if self.f.columns:  # scales of columns follow the table of f
                 places |= {rows + P + q: len(of_x.table) + q for q in range(self.f.q)}

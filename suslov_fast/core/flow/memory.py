@@ -18,14 +18,14 @@ class LaneState:
 
     EXPLICIT = 0
     IMPLICIT = 1
-    DONE = 2  # it has reached the last time
-    ENDED = 3  # its steps have become too short
-    TOO_MANY = 4  # it has taken too many steps between two requested times
+    DONE = 2  # the trajectory has reached the last time
+    ENDED = 3  # steps have become too short
+    TOO_MANY = 4  # more steps than allowed between two requested times
     NO_VALUE = 5  # f has no value at the start
     SLIDING = 6  # a branch of f changes back and forth
-    STOPPED = 7  # an event has ended it
+    STOPPED = 7  # an event has ended the trajectory
     ACCUMULATES = 8  # actions of events follow one another at once, without end
-    AGAIN = 9  # it is to be computed again, see `growing_components`
+    AGAIN = 9  # the trajectory is to be computed again, see `growing_components`
 
 
 BEGINS = -1.0  # in place of a `LaneState` before the first step

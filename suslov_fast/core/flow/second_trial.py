@@ -22,7 +22,7 @@ from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
 
-BESIDE_SIZE = 2.0**-48  # half of it is the largest relative distance of a state beside another
+BESIDE_SIZE = 2.0**-48  # half of it is the largest relative displacement of a state
 # f is evaluated beside points ALONG a step, in directions that are multiples BESIDES of
 # `ComponentNumbers.seeds`. There are many directions, because changes in one may cancel by chance,
 # as for a symmetric state. Every other state is also MOVED by what the last change of f adds up to
@@ -35,8 +35,8 @@ ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
 # Factors of changes of f: GROWS at the ends, by `is_implicit`, OF_NOISE at all points. The weights
 # of columns make noise of f larger, implicit ones 16 times as much as explicit ones.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
-SHORTENS = 0.05  # a ratio above it makes the next step shorter
-TINY_STEP = 2.0**-40  # part of the time
+SHORTENS = 0.05  # a `ratio` above this number makes the next step shorter
+TINY_STEP = 2.0**-40  # part of the time: a step up to this length is short
 
 
 @scalar_kernel

@@ -27,18 +27,18 @@ from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 from .weights import ORDER
 
-# Factors. AFTER_TRIAL differs from LONGER, so that it marks a second trial. OF_NAN has many digits:
-# steps that met a time without a value of f should not meet it again.
+# Factors of step lengths. AFTER_TRIAL differs from LONGER, so that AFTER_TRIAL marks a second trial.
+# OF_NAN has many digits, so that steps do not meet a time without a value of f twice.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
-SHORTEST = 2.0**-44  # of a step: part of the time
+SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
 # MOST_APART allowed errors bound the sum that vanishes on true steps: 30 would refuse some of them,
 # and 100 accept more false steps. OF_APART is the factor of the length after such a refusal.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
-MOST_STEPS = 250_000  # between two requested times
+MOST_STEPS = 250_000  # the most steps between two requested times
 # A lane becomes implicit after PATIENCE steps that look stiff; it forgets them after FORGET others.
 # Its first TRIAL implicit steps are a trial. It becomes explicit after EASY steps that explicit
 # steps could do as well. MOST_PATIENCE is the largest patience.

@@ -26,7 +26,7 @@ from .scalar_kernels import TINY, scalar_kernel
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 # An error may be noise if it is less than NOISY of the largest component.
 NOISY = 2.0**-48
-CAUTION = 4.0  # see `stormer`: factor of its estimate of the error
+CAUTION = 4.0  # factor of the error estimate of `stormer`
 # Inputs that are TINY for a component of which steps have relative digits.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from ..expressions.sparse_elimination import SLOT, ColumnOffsets
 from .text import Carried, Code, Index, Integers
 
-# Without it one orbit of lattices of 144 to 784 variables takes 1.15 times as long.
+# Rows of a span that a single lane takes at once. Row by row, lattices take 1.15 times as long.
 AT_ONCE = 4
 
 

@@ -22,8 +22,8 @@ from ..expressions.numpy_evaluation import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRU
 from ..expressions.tables import LARGEST, Table, is_table
 from .compiler import pointer
 
-WRITTEN_OUT = 4  # rounds of loops that are written out where they take much of the time
-AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, and how many have to be there
+WRITTEN_OUT = 4  # rounds of a loop that are written out where the loop takes much of the time
+AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, if there are MANY rows
 
 
 # -------------------------------------------------------------------------------------- the names

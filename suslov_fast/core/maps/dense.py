@@ -19,7 +19,7 @@ from .kahan_step import of_one_sign
 from .packs import note_undefined
 from .pivoting import crosses_0, solve_lane
 
-# Lanes for which a coefficient is read once; coefficients are most of the memory of a step.
+# Lanes that share one reading of a coefficient; coefficients are most of the memory of a step.
 LANES = 8
 
 

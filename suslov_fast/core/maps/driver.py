@@ -27,7 +27,7 @@ class DriverArguments(NamedTuple):
     stages: int
     first_row: int = 0  # address of the first saved states
     row_bytes: int = 0  # bytes from one saved row to the next
-    first_until: int = 0  # steps before the one that makes the first saved state
+    first_until: int = 0  # steps before the step that makes the first saved state
     between: int = 0  # steps from one saved state to the next, minus 1
     trajectories: int = 0
     ended: int = 0  # address of bits of lanes (lines,) that have ended
@@ -36,13 +36,13 @@ class DriverArguments(NamedTuple):
     failed_at: int = 0  # write, or 0
     first: int = 0  # number of the state after the first step
     pivoting_step: int = 0  # address of `pivoting.pivoting_step`, 0 if it is not ready
-    pivoting_arguments: int = 0  # address of its array
+    pivoting_arguments: int = 0  # address of the arguments of `pivoting_step`
     # The place in the loops: the code returns when the budget is spent, and continues from there.
     budget: int = 0  # calls of `pivoting_step` that are left
     line: int = 0  # the first line of a block
     n: int = 0  # the next step
     stage: int = 0  # number of the next stage of this step
-    until: int = 0  # steps before the next one that makes a saved state
+    until: int = 0  # steps before the next step that makes a saved state
     row: int = 0  # address of the next saved states
 
 

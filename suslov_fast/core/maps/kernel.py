@@ -33,8 +33,8 @@ from .stages import WHOLE, Scheme
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 PIVOTING_TIME = 5 * 10**7  # nanoseconds of `pivoting_step` steps, after which Python handles Ctrl-C
-_IN_PYTHON = 1e-5  # seconds of Python for an operation of a line, or a part of a step with pivoting
-SHORT_RUN = 256  # steps of lines, which are prepared for `pivoting_step` only when they need it
+_IN_PYTHON = 1e-5  # seconds in Python for an operation of a line, or a part of a step with pivoting
+SHORT_RUN = 256  # steps of lines: shorter runs prepare `pivoting_step` only when lanes need it
 
 
 @functools.lru_cache(PLANS)

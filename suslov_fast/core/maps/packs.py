@@ -9,7 +9,7 @@ from ..llvm.compiler import address_of
 from ..numba.status_codes import NONFINITE, OK
 from .stages import distinct
 
-PLANS = 32  # fields for which tables are kept from call to call
+PLANS = 32  # the most fields for which tables are kept from call to call
 
 
 def zeros(*shape):

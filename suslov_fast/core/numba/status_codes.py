@@ -10,7 +10,7 @@ ENDED = -3  # the solution ends: a pole or an escape
 SLIDING = -4  # the solution slides along a surface of f
 TOO_MANY_STEPS = -5  # the motion takes too many steps from one time to the next
 ACCUMULATES = -6  # events accumulate: actions follow one another without end
-STOPPED = 3  # finished; an event ended it
+STOPPED = 3  # finished; an event ended the motion
 # Of equilibria:
 DEGENERATE = 4  # found, but f' is singular, as at a fold
 NOT_FOUND = -7

@@ -287,7 +287,7 @@ class NDSystem(NamedTuple):
     J: Any  # (m,)
     I: Any  # (m,)
     eps: float
-    near: float  # see row NEAR
+    near: float  # bound of h p, see the row NEAR
     dimension: int
 
 

@@ -29,11 +29,11 @@ from .map_3d import (
 )
 
 ONE, LANES, NO = np.int64(1), np.int64(128), np.bool_(False)  # typed, as ZERO
-FEW = 6  # so few trajectories take less time one by one than all lanes of a block
+FEW = 6  # up to so many trajectories take less time one by one than all lanes of a block
 # Plain steps, of which only the last one sets a decayed X to 0. A test at each step would take a
 # fifth longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
 DECAYING = np.int64(16)
-PROJECTED = 512  # steps, after which R is restored
+PROJECTED = 512  # steps after which a general state is projected on the level of R
 GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state
 TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
@@ -42,9 +42,9 @@ TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 FORM, X_, Y_ = range(3)  # X and Y of the plain form
 XG, U, V, R = range(3, 7)  # X, u and v of the general form, and R at the start
 CARRIED_BY_PLAIN, CARRIED = XG, R + 1
-TAKEN, AT_POLE = 7, 8  # of a single lane: the number of general steps, and of those from a pole
+TAKEN, AT_POLE = 7, 8  # of a single lane: the numbers of general steps and of steps from a pole
 W1, W2 = 9, 10  # the state; in other rows stores of W1 and W2 would delay loads of X and Y
-FRAME = 11  # the first row of the seven of the `Frame`
+FRAME = 11  # the first of the seven rows of the `Frame`
 I1_, I2_, I13_, I23_, K_, EPS_ = range(18, 24)
 TOO_LONG = 24  # 1.0 if state 0 is supercritical
 ROWS = 25

@@ -27,7 +27,7 @@ from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 from .weights import ORDER
 
-# Factors of step lengths. AFTER_TRIAL differs from LONGER, so that AFTER_TRIAL marks a second trial.
+# Factors of step lengths. AFTER_TRIAL differs from LONGER: it marks the step after a second trial.
 # OF_NAN has many digits, so that steps do not meet a time without a value of f twice.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371

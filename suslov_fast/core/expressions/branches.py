@@ -2,11 +2,11 @@
 
 A comparison of numbers, at which f may jump, becomes the comparison of a parameter with 1/2, and
 `floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which the
-branch changes. On the surface the difference of the compared numbers is 0, or the argument of
-`floor` an integer. The kinks of `abs`, `minimum` and `maximum` are branches, too. As f does not
-jump there, a step that passes a kink only chooses the new branch. The branch of a table is an
-interval between knots. Its ends, height and slope become parameters: f has the straight line of
-this interval, with a surface at each end.
+branch changes. On this surface the compared numbers are equal, or the argument of `floor` is an
+integer. The kinks of `abs`, `minimum` and `maximum` are branches, too. As f does not jump at a
+kink, a step that passes it only chooses the new branch. The branch of a table is an interval
+between knots. Its ends, height and slope become parameters: within a step the table is the straight
+line of this interval, with a surface at each end.
 """
 
 import functools
@@ -57,8 +57,8 @@ class Branches(NamedTuple):
 def watch_of(f, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
-    It reads the values of all `surfaces` at x, then at y; for surfaces of events the side of x, and
-    the level at which they act (row `side` of `flow.memory`); and the table of f. Its results are
+    The program reads the values of all `surfaces` at x, then at y; for surfaces of events the side
+    of x and the level at which they act (row `side` of `flow.memory`); and f's table. Its results:
 
     1. the fraction of the line before the first crossing, or 1 without a crossing,
     2. 1 if a surface is crossed, else 0,
@@ -175,7 +175,7 @@ def _groups_of(operations, jumps):
     """Return {number of a comparison: its group}: all comparisons of the same two numbers a and b.
 
     A group is {number: (its truth where a > b, its truth where a < b)}, with 1.0 for true. `jumps`
-    has the comparisons. A comparison that is alone has no group.
+    has the comparisons. A comparison of numbers that no other one compares has no group.
     """
     groups = {}
     for name, number, operands in operations:
@@ -189,10 +189,10 @@ def _groups_of(operations, jumps):
 def _passed(tests, number, group, choices, truth, a, b):
     """Return the operand of the new branch of a comparison of a and b, as a truth value.
 
-    Its `truth` holds, except where a motion meets a = b. There all comparisons of its `group` (see
-    `_groups_of`) change at once, as if the motion were already beyond the surface. Otherwise
-    np.sign would be 0 there, and f would jump twice. `choices` is {number of a comparison: number
-    of the parameter of its old branch}; old branches are NaN at the start and after an action.
+    The operand `truth` is this value, except where a motion meets a = b. There all comparisons of
+    the `group` (`_groups_of`) change at once, as if the motion were already beyond the surface.
+    Otherwise np.sign would be 0 there, and f would jump twice. `choices` is {number of a
+    comparison: parameter of its old branch}; old branches are NaN at first and after an action.
     """
     meets, result = tests.emit("oeq", a, b), tests.number(truth).select(1.0, 0.0)
     for k in (0, 1):
@@ -205,10 +205,10 @@ def _passed(tests, number, group, choices, truth, a, b):
 def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    Both are `Expressions`. Values below number `first` are the state and the other parameters.
-    `surfaces` is {number of a condition: `Surface`}. `shifted` is {number of a table's value:
-    (p, q)}: the argument of the table is p + q, where q is constant along a step. `groups` has
-    comparisons that change at once (`_groups_of`). The results are
+    `fixed` and `tests` are `Expressions`. Values below number `first` are the state and the other
+    parameters. `surfaces` is {number of a condition: `Surface`}. `shifted` is {number of a table's
+    value: (p, q)}: the argument of the table is p + q, where q is constant along a step. `groups`
+    has comparisons that change at once (`_groups_of`). The results are
 
     1. {old operand: its operand in `fixed`},
     2. for each surface the operand in `fixed` of its function (p for p + q),

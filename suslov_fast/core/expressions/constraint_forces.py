@@ -1,7 +1,7 @@
 """Forces that hold constraints: where a solution slides along a surface, or a body rests on it.
 
-While a constraint holds, it fixes the rate n . x' of a surface by a force with a direction d.
-Without forces the rates are y. With forces they become
+A constraint that holds fixes the rate n . x' of a surface with the gradient n, by a force along a
+direction d. Without forces the rates x' are y. With forces they become
 
 x' = y + sum_a w_a d_a,     n_a . (x' - y) = r_a for each constraint a that holds,
 

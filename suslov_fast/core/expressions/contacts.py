@@ -2,9 +2,8 @@
 
 An event is a contact if its action leaves states on its surface s = 0, but changes ds/dt. The mode
 of a contact is a component: 1 for a free body, 0 for a body at rest above the surface, -1 for a
-body at rest below. At rest a reaction acts in the direction in which the action moves a state, with
-the factor at which d2s/dt2 = 0. The body leaves the surface when the reaction would have to pull it
-towards the surface.
+body at rest below. At rest a reaction acts in the direction in which the action moves a state; its
+factor makes d2s/dt2 = 0. The body leaves the surface when the reaction would have to pull.
 """
 
 from functools import reduce
@@ -28,8 +27,8 @@ LEAST = 2.0**-1000
 def may_be_contact(action, D, P):
     """Return True if an `EventAction` leaves states on its surface, as bounces do.
 
-    Then the function of the surface has the same modulus before and after the action, or is 0
-    after it. Some random states are tried.
+    Then the function s of the surface has the same modulus before and after the action, or s is 0
+    after the action. Some random states are tried.
     """
     if action.surface is None or action.to is None or action.most <= 1:
         return False
@@ -118,8 +117,8 @@ class Contacts:
         """Return operands of the state x, with the modes of contacts there.
 
         A body on its surface rests if its next bounce would be rounding, and if its reaction does
-        not pull. A body at rest has no speed. `leaving` is the number of the event at which a body
-        leaves its rest, if it rests there.
+        not pull. A body at rest has no speed. `leaving` is the number of the event (contact) at
+        which a resting body begins to move.
         """
         values, number, time = self.values, self.values.number, self.time
         x = [*x]

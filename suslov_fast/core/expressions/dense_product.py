@@ -98,8 +98,8 @@ def roll(values):
     """Put products of dense matrices in place of written sums, in the dict `of` of `Expressions`.
 
     A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers. Rows that share
-    values become one matrix. If all constants of a row have the same parameters as factors and
-    divisors, as in (g * W) @ x, the entry of the product has them.
+    values become one matrix. If all constants of a row have the same parameters as factors or
+    divisors, as in (g * W) @ x, the entry of the product is multiplied or divided by them instead.
     """
     if len(values.of) < 2 * LEAST:
         return
@@ -143,9 +143,9 @@ def roll(values):
 def _row(values, number, sums):
     """Return the row {(factors of c, v): (c, number of the sum up to c v)} of a sum.
 
-    It has the first terms of the sum, as long as their values v are in order and their constants c
-    have the same factors. `number` is the number of the sum, and `sums` has the numbers of sums
-    that are a part of one other sum.
+    The row has the first terms of the sum, up to a value v out of order or a constant c with other
+    factors. `number` is the number of the sum, and `sums` has the numbers of sums that are a part
+    of one other sum.
     """
     terms, row, parts = [], {}, values.parts_of
     while not terms or number in sums:

@@ -10,9 +10,8 @@ def gradients(values, operations, results, D, by=()):
     """Return {j: operand of the derivative with respect to j} for each operand in `results`.
 
     `operations` compute `results` from the components 0 to D - 1 of the state. j is a component, or
-    the number of a parameter in `by`. A derivative that is missing is 0. The operations that
-    compute derivatives are added to the `Expressions` `values`. Entries of products with dense
-    matrices are like components: j may be the number of an entry, see `along`.
+    the number of a parameter in `by`, or of an entry of a product with a dense matrix, see `along`.
+    A derivative that is missing is 0. Operations that compute derivatives are added to `values`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -27,8 +26,8 @@ def gradients(values, operations, results, D, by=()):
 def gradients_along(values, results, D, v):
     """Return `gradients` of `results`, and the direction v with changes of entries of products.
 
-    v is {component: operand of its change}. The changes of `results` along v are the products of
-    both (see `along`).
+    v is {component: operand of its change}. The gradients times v with the changes of entries are
+    the changes of `results` (see `along`).
     """
     products = products_in(values.operations)
     operands = [a for _, of, _ in products for a in of]

@@ -10,18 +10,18 @@ m is the least of s_1, s_2, s_3 and of the quartic through all five points.
 - m > e: the surface is not crossed.
 
 States have errors of about rtol, so s has an error d of rtol times the sizes of its terms. If
-|m| < d, the crossing is undecided, but a shorter step would not tell more: e / d takes the place of
-e / |m|. At a kink f only bends. There d has rtol**(3/4): a motion beyond it for less than d**(1/2)
-has an error below rtol. Values within ROUNDING of the terms are no crossings, as when a temperature
-relaxes to the temperature of a room.
+|m| < d, the crossing is undecided, but a shorter step would not tell more: e / |m| is replaced by
+e / d. At kinks d has rtol**(3/4) in place of rtol: there f only bends, and a motion beyond the kink
+for less than d**(1/2) has an error below rtol. Values of s within ROUNDING of its terms are no
+crossings: a temperature that relaxes to that of a room does not cross it.
 
-The five values do not show a narrow hump, as of a bell curve, between two points; polynomials have
-none. A hump shows in the rates ds/dt: they change sign. If the straight line through the rates at
-both ends of the part with the hump misses the next rate, the step must be shorter.
+The five values do not show a narrow hump of s between two points, as of a bell curve; polynomials
+have no such humps. At a hump the rate ds/dt changes its sign. If the straight line through the
+rates at both ends of this part misses the rate at the next point, the step must be shorter.
 
 For waves, functions of sin, cos and tan, the phase must change by less than a quarter of a turn
-from point to point. The phase of a product is the sum of the phases of its factors. Phases inside
-another function count twice, as in exp(sin(t)) or in a wave of a wave.
+from point to point. The phase of a product is the sum of the phases of its factors. The phase of a
+wave inside another function counts twice, as in exp(sin(t)) or sin(cos(t)).
 """
 
 import functools
@@ -128,9 +128,9 @@ def _humps(f, operations):
 def _rates_of(f, humps):
     """Return the `Program` of the rates of surfaces that may have humps, or None without humps.
 
-    `humps` are the numbers of their values s. Two results for each are ds/du, where u is the
-    fraction of a step, and a bound below which it counts as 0. The program reads the state x,
-    dx/du, rtol, and the table of f.
+    `humps` has the numbers of the values s of these surfaces. Two results for each s are ds/du,
+    where u is the fraction of a step, and a bound below which ds/du counts as 0. The program reads
+    the state x, dx/du, rtol, and the table of f.
     """
     if not humps:
         return None

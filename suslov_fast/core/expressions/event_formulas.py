@@ -38,7 +38,7 @@ _PLAIN = 0.0, 1.0, -1.0
 class KeyedProgram(Program):
     """A `Program` that can be a key of caches: programs with the same text are equal.
 
-    Tuples of operations are no keys: 1 is the number of a value and 1.0 a constant, but 1 == 1.0.
+    Its operations cannot be the key: 1 is the number of a value, and 1.0 a constant, but 1 == 1.0.
     """
 
     @staticmethod
@@ -122,8 +122,8 @@ def read_by(program, results):
 class EventProgram(NamedTuple):
     """A `Program` of events. Its inputs are `rows` numbers, then parameters, then scales.
 
-    The first numbers are the state, f there, and so on. Scales belong to columns of derivatives
-    with respect to parameters (`Variational`).
+    The first numbers are the state, f at this state, and so on. Scales belong to columns of
+    derivatives with respect to parameters (`Variational`).
     """
 
     program: Program
@@ -142,9 +142,9 @@ class EventSet(NamedTuple):
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
 
-    The parts of event k, of which the last two are there if motions have columns v of derivatives:
+    The parts of event k (`tau` and `column` exist if motions have columns v of derivatives):
 
-    toward     reads the state and f there; its results are `OF_SURFACE` numbers of each surface
+    toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets
     tau{k}     reads the state, v, and f before the event; its result is tau
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
@@ -185,8 +185,8 @@ def components_of(action):
 def event_set_of(actions, D, P, by=(), with_columns=False):
     """Return the `EventSet` of `EventAction`s, for D components and P parameters.
 
-    If `with_columns`, it has parts that change columns of derivatives, with respect to the initial
-    state and to the parameters with the numbers `by`.
+    If `with_columns` is True, the set has parts that change columns of derivatives with respect to
+    the initial state and to the parameters with the numbers `by`.
     """
     parts, components = {}, tuple(map(components_of, actions))
     for k, (action, of) in enumerate(zip(actions, components, strict=True)):
@@ -242,7 +242,7 @@ def _toward(actions, D, P):
 def _of_columns(k, action, D, P, by, q):
     """Return {name: `EventProgram`}: the parts `tau` and `column` of `EventSet` for event k.
 
-    They are for a column with respect to the initial state if q is None, else to parameter by[q].
+    If q is None, the column is with respect to the initial state, else to parameter by[q].
     Events at times have no `tau`. `action` is the `EventAction` of event k.
     """
     values = Expressions(D + P, range(D, D + P))

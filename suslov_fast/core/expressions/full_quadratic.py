@@ -9,7 +9,7 @@ class DenseRightHandSide:
     """The right-hand side f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k), with symmetric q.
 
     It has D components, and the attributes of a `RightHandSide` that steps of the motion read. Its
-    parameters, and its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
+    parameters, like its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
     is_dense, events, offsets, columns, products, longest = True, None, {}, 0, (), inf
@@ -60,7 +60,7 @@ class DenseRightHandSide:
 def dense_parameters(indices, values, D):
     """Return the parameters (P, ...) of a `DenseRightHandSide` with the terms v x_j x_k in f_i.
 
-    `indices` (3, n) has i, j, k of n terms, where x_D = 1; `values` (..., n) has their v.
+    `indices` (3, n) has i, j, k of n terms, where x_D = 1; `values` (..., n) has the factors v.
     """
     shape = values.shape[:-1]
     parts = np.zeros((D, 1 + D + D * D, *shape))

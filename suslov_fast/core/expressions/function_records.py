@@ -1,9 +1,9 @@
 """The functions that a right-hand side may contain: one record for each.
 
-An expression program names a function by its instruction. `numpy_evaluation` and `llvm.text`
-evaluate it; its derivative is an expression program, too. Other functions are made of these. The
-records determine which functions users may call, how equations are written and read, and the table
-in the pages.
+A function with an `instruction` is an operation of expression programs. `numpy_evaluation` and
+`llvm.text` evaluate it. Other functions are made of such functions. Derivatives are expression
+programs, too. The records determine which functions users may call, how equations are written and
+read, and a table of the documentation.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Terms of a right-hand side: f = C m(x), with a constant matrix C and functions m of the state.
 
-A left null vector c of C gives a linear integral: c . f = 0 for all x. Products of sums are
-expanded, but quotients and other functions are not.
+A left null vector c of C gives a linear integral c . x: c . f = 0 for all x. Products of sums are
+expanded into terms, but quotients and other functions are not.
 """
 
 import numpy as np
@@ -16,8 +16,8 @@ def coefficients(f, table):
     """Return C (members, D, terms) of a `RightHandSide` f = C m(x), with functions m of the state.
 
     `table` (members, n) has the table of f for each set of parameters. Left null vectors of C are
-    linear integrals. Each column of C is divided by its largest entry. Values that depend on
-    branches stay in m.
+    linear integrals. Each column of C is divided by its largest entry. A value that depends on
+    branches is not expanded: it is a function in m.
     """
     parameters = f.P if f.branches is None else f.branches.P
     choices = depending(f.fixed, range(f.D + parameters, f.D + f.P))

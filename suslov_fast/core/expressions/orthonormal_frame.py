@@ -1,4 +1,4 @@
-"""Right-hand side of a motion with an orthonormal frame of tangent vectors and its growth.
+"""Right-hand side of a motion with orthonormal tangent vectors (a frame) and their growth.
 
 The columns of Q are tangent vectors that stay orthonormal: with M = Q^T f' Q and the skew matrix S
 that has the entries of M below its diagonal,
@@ -6,8 +6,8 @@ that has the entries of M below its diagonal,
 Q' = Q S,     l_i' = M_ii,
 
 where l_i are the logarithms of the diagonal of R in V = Q R, for V' = f' V. Columns of V decay at
-different rates, and lose their digits; Q changes only as fast as the motion. In the error an entry
-counts as 1, even if it is small: the variables are the entries plus SHIFT.
+different rates, and lose their digits; Q changes only as fast as the motion. The variables are the
+entries of Q plus SHIFT, so that allowed errors of small entries are not smaller.
 """
 
 import functools

@@ -3,12 +3,12 @@
 Every Hamiltonian T(p) + V(q) has such sets. The graph of the variables that rates read then has two
 colours. Variables of constant rate, such as clocks, may be in both sets.
 
-The columns of the extrapolation over such sets evaluate f at half as many points of a step
-(`flow.stormer`). So f must not change between two points without a trace at the points. Gaussians,
-tanh and other functions that decay as fast may do so, and roots of x**2 + 1e-8 and quotients by it.
-Polynomials, sin, cos, exp of affine functions, and quotients and roots of polynomials without a
-constant do not. Rates in A are not evaluated near the ends of a step, where a quotient may change
-abruptly. So rates in A have no quotients and roots.
+With such sets the columns of an explicit step evaluate f at half as many points (`flow.stormer`).
+So f must not change between two points without a trace at the points. Functions that decay as fast
+as Gaussians and tanh may do so, and roots of x**2 + 1e-8 and quotients by it. Polynomials, sin,
+cos, exp of affine functions, and quotients and roots of polynomials without a constant do not. The
+rates of the first set A are not evaluated near the ends of a step, where a quotient may change
+abruptly. So these rates have no quotients and roots.
 """
 
 import functools

@@ -42,8 +42,8 @@ class Values:
     def total(self, start, products):
         """Return the operand of start + a c + ..., for the pairs (a, c) in `products`, in order.
 
-        `start` is an operand, or None for 0; without pairs, too, the result is None. Pairs with a
-        factor that depends on parameters alone stand in "sum" operations of their own.
+        `start` is an operand, or None for 0. The result is None if `start` is None and there are no
+        pairs. Pairs with a factor of parameters alone are in "sum" operations of their own.
         """
         return self.total_of(start, [*chain.from_iterable(products)])
 
@@ -116,7 +116,7 @@ class Expressions(Values):
     def take_written(self, others, new):
         """Copy `written`, the functions that a user wrote, from other `Expressions`, `others`.
 
-        `new` is {number in `others`: operand here}; functions of operands not in it are left out.
+        `new` is {number in `others`: operand here}. Functions of other operands are left out.
         """
         for number, (name, operands, *tables) in others.written.items():
             of = [a if isinstance(a, float) else new.get(a) for a in operands]
@@ -195,7 +195,7 @@ def folded(emit, name, of):
 def in_order(values, results, more=0):
     """Return a copy of `Expressions` without needless operations, and the results in the copy.
 
-    `results` are operands in `values`, and determine the order of operations. `more` is how many
+    `results` are operands in `values`, and determine the order of operations. In the copy `more`
     new parameters follow the given values.
     """
     given = values.count - len(values.operations)

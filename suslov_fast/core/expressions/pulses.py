@@ -2,9 +2,9 @@
 
 Between the pulses of a function such as sin(t)**1000, f is constant. So all columns of a long step
 agree, and may miss pulses. Powers sin(a)**d, products of d waves sin(a), and functions such as exp
-and tanh of d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). Their width in
-time is d**-1/2 / a', with the rate a'. A step has at most REACH widths, and less than five widths
-lie between two neighbouring points at which f is evaluated.
+and tanh of d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). Its width in
+time is d**-1/2 / a', with the rate a' of the phase. A step is at most REACH widths long, and less
+than five widths lie between two neighbouring points at which f is evaluated.
 """
 
 from math import inf
@@ -33,8 +33,8 @@ class _Wave(NamedTuple):
 def longest_step(values, f, steady):
     """Return the operand of the longest step of a `Program` f, in the `Expressions` `values`.
 
-    It is infinity without pulses, or depends on parameters. `steady` are the components of constant
-    rates.
+    Without pulses it is infinity. It may depend on parameters. `steady` are the components of
+    constant rates.
     """
     number, longest = values.number, values.number(inf)
     known = {i: _Wave(abs(number(f.results[i]))) for i in steady}

@@ -18,8 +18,8 @@ class RightHandSide:
     """The right-hand side f of D equations with P parameters.
 
     Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone are
-    carried out once for a run, in NumPy. A table has their values and parameters, if f or f' needs
-    them.
+    carried out once for a run, in NumPy. The table has those parameters and results of these
+    operations that f or f' needs.
 
     f            `Program` of f without operations on parameters alone; D results
     fixed        operations on parameters alone
@@ -204,8 +204,8 @@ def _signs_of_poles(values, f, quotients):
     """Return numbers of values that change sign at poles of quotients (number, dividend, divisor).
 
     Each quotient has two values: the divisor if the dividend is positive, else 0; and the divisor
-    if the dividend is negative, else 0. So 0 / 0 is no pole. Where f, a `Program`, does not
-    use the quotient, both values are 0. They are added to the `Expressions` `values`.
+    if the dividend is negative, else 0. So 0 / 0 is no pole. If the result of f does not depend on
+    the quotient (`_taken`), both values are 0. They are added to the `Expressions` `values`.
     """
     emit, is_taken, signs = values.emit, _taken(values, f), []
     for number, a, b in quotients:

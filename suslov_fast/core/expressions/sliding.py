@@ -3,10 +3,10 @@
 On a surface s = 0 to which f leads back from both sides, Filippov's solution slides: its rate is
 f_below + w (f_above - f_below) with the w at which ds/dt = 0, until w leaves [0, 1]. Here the side
 of each surface is a further component, its mode: 1 above, -1 below, 0 while the solution slides.
-Comparisons of the surface are truth values of the mode, and an event for each surface sets it. So
-steps, events, derivatives and implicit steps are the same as for any other f. Where solutions slide
-along several surfaces at once, each has its own w, and every ds/dt is 0: the extension that is
-unique if the jumps at the surfaces add up.
+Comparisons at the surface become truth values of its mode, and an event for each surface sets its
+mode. So steps, events, derivatives and implicit steps are the same as for any other f. If solutions
+slide along several surfaces at once, each surface has its own w, and every ds/dt is 0. This
+extension is unique if the jumps at the surfaces add up.
 """
 
 from functools import reduce
@@ -229,9 +229,9 @@ class SlidingEquations(_Rates):
         return EventAction(s, to, -1, inf, 2)
 
     def _with_modes(self, x, leaving=None):
-        """Return operands of a new state, with modes by the sides, and by the rates on surfaces.
+        """Return operands of the state x with modes from its sides and, on surfaces, from rates.
 
-        A body leaves the contact of the event `leaving`, if it rests there.
+        A body that rests at the contact of the event `leaving` leaves it.
         """
         x = self.resting.decided(x, leaving) if self.contacts else [*x]
         for g, s in enumerate(self.values.at(x, self.surfaces)[0]):
@@ -333,9 +333,9 @@ def _leads_to(mode, below, above, part):
 def _comparisons_in(values, program):
     """Return {number of a comparison: (pair of compared operands, (kind, sign, ...))}.
 
-    `kind` is its instruction, also of kinks. `sign` is 1.0 if it is true, or chooses its first
-    operand, where the first of the pair is larger; else -1.0. A quotient c x / |x| has "fdiv", the
-    value of x / |x| where the first is larger, and c.
+    `kind` is the instruction of the comparison or kink. `sign` is 1.0 if the comparison is true, or
+    chooses its first operand, where the first of the pair is larger; else -1.0. A quotient
+    c x / |x| has "fdiv", the value of x / |x| where the first is larger, and c.
     """
     comparisons = {}
     for name, number, operands in program.operations:

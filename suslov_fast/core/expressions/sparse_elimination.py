@@ -6,9 +6,9 @@ columns before it. The numbers w_i of a work row begin with a_ij; then, for each
 
 w_i -= l_ik w_k for i > k;    u_ij = w_i / d_i (i < j),    d_j = w_j,    l_ij = w_i / d_j (i > j).
 
-The rows of a column in L, or in U, form spans of consecutive rows, so that a loop needs two
-integers for many products; dense matrices have one span a column. Spans that are less than NEAR
-apart are joined, because a span costs as much as some NEAR products with 0.
+The rows of a column in L, or in U, form spans of consecutive rows. So a loop needs two integers for
+many products; dense matrices have one span in each column. Spans that are less than NEAR rows apart
+are joined, because a span costs as much time as some NEAR products with 0.
 """
 
 from typing import NamedTuple

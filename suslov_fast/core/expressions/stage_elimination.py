@@ -1,7 +1,7 @@
 """Elimination in A = 1 - s J as expression programs, planned on the pattern of J.
 
-`core.maps.kahan_step` has the equations, with N = s J. A small pivot leads to a value that is not
-finite, or to an error of the step, which is then rejected.
+`core.maps.kahan_step` has the equations, with N = s J. If a pivot is too small, the result is not
+finite, or the error estimate of the step is large, and the step is rejected.
 """
 
 from .programs import Program, Values, dot, program_of, renumbered

@@ -58,7 +58,7 @@ def is_table(instruction):
 def of_line(knots, heights):
     """Return the table of straight lines between points, with knots where its slope changes.
 
-    It jumps if knots are equal: there the last height counts, as in `np.interp`.
+    Where knots are equal the table jumps, and the last height counts, as in `np.interp`.
     """
     knots, heights = np.array(knots), np.array(heights)
     is_last = np.append(knots[1:] > knots[:-1], True)

@@ -24,9 +24,9 @@ LANES = 8
 
 
 class Dense(NamedTuple):
-    """Fields for `take_dense_steps`: the terms v x_j x_k of each f_i, and eps; x_D is 1.
+    """Fields for `take_dense_steps`: the terms v x_j x_k of each f_i, with x_D = 1, and eps.
 
-    A run of terms is all terms with equal j and equal k in consecutive equations i.
+    Terms with the same j and the same k in consecutive equations i form a run of terms.
     """
 
     runs: Any  # (S, 5): j, k, first i, number of terms, first coefficient

@@ -210,8 +210,8 @@ class _Driver:
     def save(self, line, row, state, final):
         """Add code that copies line number `line` to saved states, one trajectory after the other.
 
-        `row` is the address of the saved states (B, D), `state` of the line; `final` are its values
-        in registers. They are shuffled: loops over lanes take 1.57 times as long.
+        `row` and `state` are the addresses of the saved states (B, D) and of the line, and `final`
+        are its values in registers. They are shuffled: loops over lanes take 1.57 times as long.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

@@ -92,8 +92,8 @@ class _Lines:
     def take(self, start, stop, saved, every, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `pivoting_step`, but it is not compiled or the run is short,
-        else True. After False the steps must be taken again, with `seconds`, the time that pivoting
+        Return False if a step needs `pivoting_step`, and this is not compiled or the run is short,
+        else True. After False the caller repeats the steps with `seconds`, the time that pivoting
         would take in Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
         """
         stages = len(self.scheme.stages.fractions)

@@ -1,6 +1,6 @@
 """A step of a map x -> f(x) as an expression program, with columns of derivatives.
 
-The kernel of steps takes it as a step of a field, with the parameters of f in place of h v. A step
+For the kernel of steps it is a step of a field, with the parameters of f in place of h v. A step
 exists if all components of f(x) are finite; otherwise the trajectory ends.
 """
 

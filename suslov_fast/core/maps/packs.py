@@ -55,8 +55,8 @@ def plan_of(stages, table):
 def tables_of(scheme, values, eps, W):
     """Return eps v / 2 of the terms (lines, T, W), and tables (fractions, lines, n, W).
 
-    `values` are the v. A table has all that a step needs of parameters alone, for a distinct
-    fraction in `scheme`. For a common field the shapes are (1, T, 1) and (fractions, 1, n, 1).
+    `values` has the factors v. The table of a distinct fraction in `scheme` has all that a step
+    needs of parameters alone. A common field has the shapes (1, T, 1) and (fractions, 1, n, 1).
     """
     fractions, _ = distinct(scheme.stages.fractions)
     if len(eps) == len(values) == 1:

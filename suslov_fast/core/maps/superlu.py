@@ -67,8 +67,8 @@ class _StepByNumPy:
 class _Sparse:
     """A step of sparse fields, called with a fraction of eps, x (n, D) and trajectories `which`.
 
-    A call returns x_next (n, D), and the signs (n,) of det A, 0 where A is singular. `indices`
-    (3, T) and `halves` (1 or B, T) are i, j, k and eps v / 2 of the terms v x_j x_k of f_i.
+    A call returns x_next (n, D), and the signs (n,) of det A, 0 where A is singular. For the terms
+    v x_j x_k of f_i, `indices` (3, T) has i, j, k and `halves` (1 or B, T) has eps v / 2.
     """
 
     def __init__(self, indices, D, halves):

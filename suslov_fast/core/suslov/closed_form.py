@@ -355,8 +355,8 @@ def rescale(b, lanes, is_map):
 def start_orbits(b, first, width, used, omega0, is_map):
     """Fill the first `used` lanes of a block `b` with orbits from the states 0 in `omega0` (B, 2).
 
-    They are `width` trajectories from number `first` on, repeatedly. Return True if the states of a
-    lane got a unit (`unit_of`), because then the rows of its body have changed, too.
+    The lanes get trajectories `first` to first + width - 1, again and again. Return True if the
+    states of a lane got a unit (`unit_of`), because then the rows of its body have changed, too.
     """
     i = first
     for l in range(used):

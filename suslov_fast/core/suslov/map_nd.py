@@ -18,7 +18,7 @@ beta = sum I**2 / d and gamma = sum w**2 / d they are
 
 Digits are lost where a d_i is small, where the determinant of the two equations cancels, and where
 w + delta cancels; there lanes take the step by elimination. det A is the determinant of the two
-equations times prod (d_i / J_i). Where it is negative, a step passes a pole, or is too long.
+equations times prod (d_i / J_i). If det A is negative, a step passes a pole, or is too long.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
 final        (B, m), the states that a run continues from
@@ -111,8 +111,8 @@ def fill_systems(c, b, a, begin, lanes):
 def compute_factors(c, b, lanes):
     """Prepare the increments (b[OF_W] w_i + b[OF_I] I_i) / d_i; c[INVERSE] becomes 1 / d.
 
-    Return how many lanes may have a small d, and how many need elimination, whatever their d. Terms
-    i and M/2 + i, of M components, are added in pairs, which halves the number of stores.
+    Return how many lanes may have a small d, and how many need elimination for any d. Of M terms i
+    and M/2 + i are added in pairs, which halves the number of stores.
     """
     pairs = c.shape[1] // 2
     for l in range(lanes):
@@ -198,7 +198,7 @@ def eliminate_one(c, b, l, memory):
 def eliminate_all(c, b, a, lanes):
     """Take the step of a block (c, b) by elimination in `a`, in the lanes that keep their digits.
 
-    Return how many other lanes there are; b[TO_SOLVE] is 1 in these, else 0.
+    Return how many lanes lose digits; b[TO_SOLVE] is 1 in these lanes, else 0.
     """
     m, to_solve = len(a), ZERO
     fill_systems(c, b, a, 0, lanes)

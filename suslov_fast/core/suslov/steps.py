@@ -155,8 +155,8 @@ def continue_lanes(b, lanes, first, width, carry):
 def take_steps(b, lanes, plains, n, pause):
     """Take the lanes of a block from state n to state `pause`; `lanes` is a constant, for SIMD.
 
-    `plains` is how many take steps in X and Y alone, LANES if all do. A single lane stops if there
-    is no next state; to test all lanes takes 1.4 times as long.
+    `plains` is how many lanes have the plain form (X, Y), LANES if all have it. A single lane stops
+    if there is no next state; a test of all lanes would take 1.4 times as long.
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):
@@ -187,9 +187,9 @@ def take_steps(b, lanes, plains, n, pause):
 def finish_lanes(b, alone, plains, first, last, span, output):
     """Write all of `output` except saved states; return how many trajectories may have failed.
 
-    The lanes are trajectories `first` to last - 1; `plains` of them take steps in X and Y alone,
-    LANES if all do. If `alone`, there is one lane, with a failure that is known. Otherwise
-    failed_at becomes TO_FIND where a trajectory may have failed.
+    The lanes are trajectories `first` to last - 1; `plains` of them have the plain form, LANES if
+    all have it. If `alone` is True, there is one lane, which knows the step at which it failed.
+    Otherwise failed_at becomes TO_FIND where a trajectory may have failed.
     """
     _, final, carry, status, failed_at = output
     to_find = ZERO
@@ -223,8 +223,8 @@ def finish_lanes(b, alone, plains, first, last, span, output):
 def steps(part, parts, parameters, omega0, span, output):
     """Take part `part` of `parts` of the steps of a `Span`.
 
-    Trajectories that may have failed in a block of lanes are taken again, one by one, to find the
-    step. None has failed if the last state is far inside the range, because R is conserved.
+    Trajectories that may have failed in a block of lanes are computed again, one by one, to find
+    the step. If its last state is far inside the range, none has failed, because R is conserved.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0, read if start = 0

@@ -73,4 +73,4 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     # Products of inertia that should be 0 have rounding errors of the moments.
     largest = np.diagonal(tensors, axis1=-2, axis2=-1).max(axis=-1)[..., None]
     tensors[..., :-1, -1][abs(tensors[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
-    return tensors, turn @ to_last + 0.0  # no -0.0
+    return tensors, turn @ to_last + 0.0  # + 0.0 turns -0.0 into 0.0

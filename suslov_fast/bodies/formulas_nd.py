@@ -61,7 +61,7 @@ def check_known(body: Any, function: str) -> None:
 def wedge(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a b^T - b a^T."""
     product = a[..., :, np.newaxis] * b[..., np.newaxis, :]
-    return np.asarray(product - product.swapaxes(-2, -1)) + 0.0  # no -0.0
+    return np.asarray(product - product.swapaxes(-2, -1)) + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def _momentum(problem: Problem) -> FloatArray:

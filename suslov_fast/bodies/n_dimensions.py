@@ -105,7 +105,7 @@ class SuslovND(Suslov):
     @cached_property
     def _field(self) -> Field:
         parts = [*self.parameters.values()]
-        if not self.shape:  # exact coefficients
+        if not self.shape:  # a single body has exact coefficients
             parts = [np.vectorize(Fraction, "O")(each) for each in parts]
         places, values = self._terms_of(*parts)
         values = checks.within("J and I", values, checks.OTHERS)

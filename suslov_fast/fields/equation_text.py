@@ -20,10 +20,10 @@ import numpy as np
 from ..checks import short
 from ..core.expressions.function_records import FUNCTIONS, RECORDS, same
 
-_DEEPEST = 40  # nested operations in a text that is written; deeper parts become definitions
-_DEEPEST_READ = 100  # nested operations in a text that is read
-_LONGEST = 2_000_000  # characters of an equation, such as a table of 50,000 knots
-_MOST_TEXT = 20_000_000  # characters of all equations
+_DEEPEST = 40  # the most nested operations in a written text; deeper parts become definitions
+_DEEPEST_READ = 100  # the most nested operations in a text that is read; more raise an error
+_LONGEST = 2_000_000  # the most characters of an equation, such as a table of 50,000 knots
+_MOST_TEXT = 20_000_000  # the most characters of all equations together
 _INSTRUCTIONS = {
     "fadd": "add", "fsub": "subtract", "fmul": "multiply", "fdiv": "divide", "fabs": "absolute",
     "select": "where", "olt": "less", "ogt": "greater", "oge": "greater_equal", "oeq": "equal",

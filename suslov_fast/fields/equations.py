@@ -17,7 +17,7 @@ from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .symbolic import Tracer
 
-LONGEST = 300  # characters of a text for readers
+LONGEST = 300  # the most characters of a text for readers
 
 
 class Equations:

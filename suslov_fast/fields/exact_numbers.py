@@ -15,7 +15,7 @@ import numpy as np
 from ..checks import OF_SYMBOLS, common_shape, kind_of, real_array, refuse, short, spelled, wrong
 from .names import check_parameter
 
-# The characters of a number in a text, and the exponent of 10 in a decimal.
+# The most characters of a number in a text, and the largest exponent of 10 in a decimal.
 _LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
 
 

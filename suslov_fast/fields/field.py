@@ -490,7 +490,7 @@ def system_of(system: Any, x0: Any) -> Any:
     if isinstance(system, Body):
         return system
     if isinstance(system, type) or not callable(system):
-        checks.instance("system", system, Body)  # raises
+        checks.instance("system", system, Body)  # this raises an error
     if isinstance(x0, Mapping):
         return Field(system, [*x0])
     D = (1, *checks.real_array("x0", x0, allow_nan=True).shape)[-1]

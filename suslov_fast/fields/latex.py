@@ -9,7 +9,7 @@ from typing import Any
 
 from .names import latex
 
-_LONGEST = 4000  # characters of equations that are shown in LaTeX
+_LONGEST = 4000  # the most characters of equations that are shown in LaTeX
 _SIGNS: dict[type, str] = {
     ast.Add: " + ", ast.Sub: " - ", ast.Mult: r" \, ", ast.BitAnd: r" \land ", ast.BitOr: r" \lor ",
     ast.BitXor: r" \oplus ", ast.Mod: r" \bmod ", ast.Lt: " < ", ast.Gt: " > ", ast.LtE: r" \le ",

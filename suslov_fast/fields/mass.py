@@ -24,7 +24,7 @@ _LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is bel
 # A difference counts as 0 if at most random states, _MOST of _SAMPLES, it is below _CANCELLED times
 # the sum of its terms: at the other states elimination may amplify rounding errors.
 _MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
-MOST = 4  # equations that Cramer's rule solves: n of them have 2**n minors
+MOST = 4  # the most equations that Cramer's rule solves: n equations have 2**n minors
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:

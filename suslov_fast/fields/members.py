@@ -35,7 +35,7 @@ class Members:
 
     def __getitem__(self: Kind, index: Any) -> Kind:
         """Return a member of a batch, or the members that slices, lists or masks select."""
-        len(self)  # raises for a single body
+        len(self)  # `len` raises an error for a single body
         body, axis = self, 0
         for entry in index if isinstance(index, tuple) else (index,):
             try:

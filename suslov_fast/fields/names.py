@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import integer, short, wrong
 
-# Limits, so that no file can ask for more.
+# Limits of files: the characters of a name, and the number of variables.
 _LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
 TIME = {"t", "time"}
 # Names that a parameter cannot have, and what they stand for.

@@ -24,13 +24,13 @@ from .names import labels
 from .terms import Terms
 
 _ONE = np.arange(1)
-_MOST_EVENTS = 16  # lists of events for which a field keeps its right-hand sides
-_MOST_FORMS = 64  # forms of equations that are remembered
+_MOST_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
+_MOST_FORMS = 64  # the most forms of equations that are remembered
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
-# A program is compiled after so many calls in NumPy, if it has at most so many operations: so it
-# takes no longer to compile than these calls took.
+# A program of up to _MOST_OPERATIONS operations is compiled after _PATIENCE calls in NumPy, because
+# compiling it takes no longer than these calls took.
 _PATIENCE, _MOST_OPERATIONS = 500, 3000
-_LONG = 4000  # terms, above which loops evaluate a field with most coefficients
+_LONG = 4000  # number of terms above which loops evaluate a field with most coefficients
 
 # Parameters with respect to which motions are differentiated, in addition to their initial states;
 # None for motions without derivatives.

@@ -96,7 +96,7 @@ class Traced(Body):
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:
         if self.shape or not {float}.issuperset(map(type, parts.values())):
             return super()._with_parts(parts)
-        other = object.__new__(type(self))  # faster than `_of`
+        other = object.__new__(type(self))  # this is faster than `_of`
         same = {name: value for name, value in vars(self).items() if name in _COMMON}
         vars(other).update(same, _parts=parts)
         return other

@@ -28,8 +28,8 @@ EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
 EXTRA = 10  # number of equations minus number of unknowns
 DRAWS = 8  # primes that are tried until two of them give the same result
 _LONG = 2**20  # floats that stand for decimals such as 0.1 have larger denominators
-_WHOLE = 2**53  # all larger floats are integers
-_ODD = 1000  # denominators of ratios such as 8/3 are smaller
+_WHOLE = 2**53  # all floats above this number are integers
+_ODD = 1000  # ratios of users, such as 8/3, have smaller denominators
 
 
 # Rational numbers.

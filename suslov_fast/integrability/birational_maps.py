@@ -49,7 +49,7 @@ from .rational_functions import (
 
 TERMS = 100_000  # the most terms of a polynomial that is factored, which takes some 5 s
 TERMS_IN_LETTERS = 3_000  # the most terms of a polynomial in several letters that is factored
-LONGEST = 6.0  # seconds that a pullback may take, as estimated
+LONGEST = 6.0  # the most seconds of a pullback, as estimated; longer ones are not computed
 FEW = 100  # monomials times degree of a map, up to which the image of a line takes little time
 
 
@@ -66,7 +66,7 @@ class RationalMap(WithLetters):
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # Hamiltonian of the field of a Kahan map, a polynomial
-    modified_energy: Any = None  # its integral for the Kahan map, if it is not constant
+    modified_energy: Any = None  # the modified `hamiltonian`, an integral, if not constant
     _latest: tuple[Any, Any] = None, None  # the last modulus, and the forms modulo it
     _latest_numbers: Any = None, None  # the last numbers for letters, and the map for them
 
@@ -95,7 +95,7 @@ class RationalMap(WithLetters):
         return isinstance(other, RationalMap) and self.__reduce__() == other.__reduce__()
 
     def __hash__(self) -> int:
-        return hash(self.dimension)  # cheap: points are cached by map
+        return hash(self.dimension)  # a fast hash, because points are cached by map
 
     def __reduce__(self) -> Any:
         return RationalMap, (self.forms, self.inverse, self.letters, self.names, self.given)

@@ -43,7 +43,7 @@ from .polynomials import (
 )
 
 _PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
-_TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried until one suffices
+_TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried in this order
 _LINES = 20  # number of lines on which a point of a curve is sought
 _PRIMES = 80  # largest number of primes that are tried
 _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger coefficients
@@ -230,8 +230,8 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     return None
 
 
-_TERMS_OF_PROOFS = 4, 8, 16, 32  # numbers of terms of power series in t, tried until one suffices
-_LONGEST = 20_000  # bits of coordinates, at most
+_TERMS_OF_PROOFS = 4, 8, 16, 32  # numbers of terms of power series in t, tried in this order
+_LONGEST = 20_000  # the most bits of the coordinates of a point
 _MONOMIALS = 2_000  # the most monomials of coordinates
 _NUMBERS = range(1, 9)  # numbers that are tried in place of s
 

@@ -40,10 +40,10 @@ Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coeff
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
-_DEGREES = 64  # the sum of the degrees of numerator and denominator, at most
-_LINES = 1024  # twice the number of terms of one degree, at most
+_DEGREES = 64  # the largest sum of the degrees of numerator and denominator
+_LINES = 1024  # the most lines; twice as many as terms of one degree are needed
 SEARCHES = 4096  # the most searches modulo one prime
-_PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
+_PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
 
 
 class Watch:
@@ -70,7 +70,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
     ``search(p, values)`` must return the matrix modulo p, with the numbers `values` for the
     letters. The result is None if coefficients are too long, or if there are too many terms.
     """
-    residues = defaultdict[Any, list[tuple[Any, int]]](list)  # with primes, by exponents of N and D
+    residues = defaultdict[Any, list[tuple[Any, int]]](list)  # (residues, p), by exponents
     candidate: Rows | None = None
     for _ in range(_PRIMES):
         with contextlib.suppress(ZeroDivisionError):

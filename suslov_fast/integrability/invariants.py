@@ -53,7 +53,7 @@ from .rational_functions import (
 
 _TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
 _WEIGHT = 2**40  # weight of equations in a lattice
-_HIGHEST = 8  # degree of functions, up to which limits for eps to 0 are computed
+_HIGHEST = 8  # the largest degree of functions for which limits for eps to 0 are computed
 _LETTERS = 6  # the most letters with which reducible members of a pencil are sought: more take long
 _PRODUCTS = 20_000  # the most products of generators
 

@@ -33,7 +33,7 @@ from .rational_functions import (
     quotient_of,
 )
 
-_LARGEST = 10  # number of variables of a field for which a Hamiltonian is looked for
+_LARGEST = 10  # the most variables of a field for which a Hamiltonian is sought
 
 
 class InLetters(NamedTuple):
@@ -84,7 +84,7 @@ class KahanMap(RationalMap):
         """Return the map for another eps, or for the symbol `sign` * eps if `eps` is None."""
         sign = sign if eps is None else 1
         map = KahanMap(self.field, eps, sign, self._is_exact, self.in_letters)
-        map._rates = self._rates  # these take long to compute
+        map._rates = self._rates  # `_rates` take long to compute
         if self.in_letters is None:
             map.terms = self.terms
         return map

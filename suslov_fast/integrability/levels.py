@@ -45,7 +45,7 @@ from .rational_functions import (
 )
 
 _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of a point of the generic level, except one
-_WIDTH = 60  # characters of a polynomial in the text
+_WIDTH = 60  # the most characters of a polynomial in the text
 
 
 @dataclass(frozen=True, repr=False)

@@ -40,7 +40,7 @@ from .polynomials import (
 )
 from .rational_functions import MODULAR, RationalFunction, quotient_of
 
-_ORBITS = 3  # the relations of so many orbits span the relations of all
+_ORBITS = 3  # relations along so many orbits span the relations along all orbits
 
 
 def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:

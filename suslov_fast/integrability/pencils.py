@@ -28,7 +28,7 @@ from .polynomials import (
 )
 from .rational_functions import rational_roots
 
-_HIGHEST = 6  # degree of a pencil, up to which reducible members are sought
+_HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
 
 
 class _Equations:
@@ -85,7 +85,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         for _ in range(2):  # roots that depend on the plane are left out
             on_plane = _Equations(n, degree, p, rng)
             A, B = map(on_plane.equations, residues)
-            if A.rank() < A.ncols():  # all members are reducible
+            if A.rank() < A.ncols():  # then all members are reducible
                 return []
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))
         # A root is multiple if the rank falls further there; each root is wanted once.

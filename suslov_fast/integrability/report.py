@@ -27,10 +27,10 @@ from .rational_functions import IDENTITY, MODULAR, RationalFunction
 from .search import Search
 from .symmetries import Reversor
 
-_WIDTH = 150  # characters of a polynomial in the text, at most
+_WIDTH = 150  # the most characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
-_ROUNDING = 1e-12  # rounding error of an entropy
-_SHOWN = 64  # sets of numbers for letters after which `progress` prints a line; then twice as many
+_ROUNDING = 1e-12  # the largest difference by rounding of two values of one entropy
+_SHOWN = 64  # `progress` prints a line after so many sets of numbers for letters, then twice as many
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
     "and densities belong to invariant measures only if the map is one to one."
@@ -51,7 +51,7 @@ class Report:
     """
 
     map: RationalMap
-    degree: int  # the largest that was searched
+    degree: int  # the largest degree that was searched
     degrees: list[int] = dataclasses.field(default_factory=list)
     integrals: Functions = ()  # independent integrals
     implicit: tuple[ImplicitIntegral, ...] = ()  # integrals that are independent of `integrals`

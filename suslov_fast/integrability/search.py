@@ -48,14 +48,14 @@ from .rational_functions import (
 )
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # coefficients, at most, of polynomials of a higher degree than the report has
-_ENOUGH = 10  # iterates whose degrees are enough if they satisfy a recurrence
-_MOST = 40  # iterates, at most
-_CHEAP = 100  # a degree up to which further iterates take little time
+_FEW = 80  # the most coefficients of a polynomial of a higher degree than the report has
+_ENOUGH = 10  # so many iterates are enough if their degrees satisfy a recurrence
+_MOST = 40  # the most iterates for which degrees are computed
+_CHEAP = 100  # degree of an iterate up to which the next iterates take little time
 _COSTLY = 3_000  # degree times length of a map: an iterate is computed only for a recurrence
-_TOO_COSTLY = 8_000  # degree of an iterate that is not computed
+_TOO_COSTLY = 8_000  # iterates of a higher expected degree are not computed
 _TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
-_SHORT = 1.0  # seconds that a proof may take before the factors of the map are known
+_SHORT = 1.0  # the most seconds of a proof before the factors of the map are known
 _HIGHEST = 8  # degree of maps, up to which contracted curves are followed: for 18 it takes minutes
 _MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
 # Kinds of tasks in the order in which they run; tasks of a group run in the order of their degrees.
@@ -449,7 +449,7 @@ class Search:
         new = self.invariants.normalize(value)
         self._known = None
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
-            if (cofactor := self.map.cofactor(P)) is not None:  # then the product is left out
+            if (cofactor := self.map.cofactor(P)) is not None:  # P replaces the product
                 yield from self._add_generator(P, cofactor)
         yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 

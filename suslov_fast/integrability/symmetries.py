@@ -27,8 +27,8 @@ from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
 DEGREES = {1: 5, 2: 5, 3: 4}  # largest degree of products of equations, by dimension
-_AFFINE = 2  # the largest dimension in which b is sought; in three dimensions b = 0
-_LARGEST = 10**6  # largest numerator and denominator of an entry
+_AFFINE = 2  # the largest dimension in which the shift b is sought; in three dimensions b = 0
+_LARGEST = 10**6  # the largest numerator and denominator of an entry of a symmetry
 
 
 @dataclass(frozen=True)

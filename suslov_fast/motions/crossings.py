@@ -126,5 +126,5 @@ def crossings(
         since=before,
     )
     motion = solved(system, x, batch, request, progress, names, events)
-    assert motion.events is not None  # because there are events
+    assert motion.events is not None  # a motion with a surface has events
     return motion.events

@@ -187,7 +187,7 @@ class Events(Result):
 # ---------------------------------------------------------------------- lists of events for motions
 def checked_events(events: Any) -> tuple[Event, ...]:
     """Return an `Event`, or a list of them, as a tuple; TypeError for anything else."""
-    if events is None or (type(events) is tuple and not events):  # as in most calls
+    if events is None or (type(events) is tuple and not events):  # most calls have no events
         return ()
     given = events if isinstance(events, (tuple, list)) else (events,)
     for each in given:

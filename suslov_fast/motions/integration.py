@@ -29,7 +29,7 @@ _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
 # Why digits are in doubt: a component fell below 1e-300; or the solution ends sooner if small
 # components have relative digits.
 FELL, NO_DIGITS = np.int8(1), np.int8(2)
-_FEW = 256  # the most numbers in states of several trajectories that are a small batch
+_FEW = 256  # a batch with at most so many numbers in its states is small
 
 
 @lru_cache(64)

@@ -25,8 +25,8 @@ RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
-_FEW = 64  # the most numbers of which Python finds the largest sooner than NumPy
-_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types in settings with a float rtol alone
+_FEW = 64  # up to so many numbers Python finds the largest faster than NumPy
+_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of settings with a float rtol alone
 # What solutions do that stop before the last time: the verb of a sentence about them.
 CAUSES = {
     Status.ENDED: (

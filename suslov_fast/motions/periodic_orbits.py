@@ -24,7 +24,7 @@ from .motion_arguments import checked_settings
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # part of its size by which a state at rest may change in a period
-_NEUTRAL = 1e-6  # a modulus of a multiplier that is as near to 1 decides nothing
+_NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
 _TURNS = 12  # the most turns in a period
 _SAME = 1e-6  # the largest distance of two turns, in ranges of the orbit
 _FAR = 0.5  # distance between orbit and x0, in ranges of the orbit, that causes a warning

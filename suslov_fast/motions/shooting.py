@@ -28,13 +28,13 @@ from .sensitivities import with_derivatives
 
 _ROUNDS = 60  # the most steps of Newton's method
 _HALVINGS = 10  # the most halvings of a step
-# Singular values below this part of the largest one, or below the residual, belong to directions
+# Directions with singular values below this part of the largest one, or below the residual, lead
 # along a family of orbits.
 _LEAST = 1e-8
 _LONGEST = 0.3  # the longest step of log T
 _CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
 _LEAST_CHANGE = 1e-6  # the smallest relative correction
-_ARCS = 1, 4, 16  # numbers of arcs that are tried
+_ARCS = 1, 4, 16  # numbers of arcs that are tried in this order
 _GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are tried
 # The residual of a solution, in units of rtol and of the growth of derivatives; and its limit.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9

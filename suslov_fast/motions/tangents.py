@@ -42,15 +42,15 @@ from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 
 _MOST = 40  # m of the shortest segment, which has 2**-m of the time
 _UNITS = 2**_MOST  # number of shortest segments in the whole time
-_ROOM = 8.0  # the length of the first segment times the size of f'
+_ROOM = 8.0  # the largest product of the length of the first segment and the size of f'
 # A segment is short enough if no entry of the diagonal of R exceeds _LARGEST, and all exceed _LEAST
 # and _LEAST times the largest entry: errors are `rtol` times the largest columns so far.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
-_OF_ALL = 2.0**-6  # part of all directions in each of the first columns
+_OF_ALL = 2.0**-6  # each column at time 0 has this part of all directions
 # After the shortest segment, entries without digits: at most _DEAD times the largest entry, or at
 # most what rounding errors in an event leave of a column of length 1.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
-_OF_PROGRESS = 1000  # what `progress` counts: parts of the time
+_OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
 # After _FEW segments within _PART of the time, up to _LARGEST_FRAME tangent vectors become an
 # orthonormal frame V. After each further segment, entries of V^T V - 1 are at most _OFF `rtol`.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0

@@ -31,7 +31,7 @@ def __dir__() -> list[str]:
 def _map_of(system: Any, method: str) -> Any:
     """Return the record of Kahan's map of a system; TypeError for a `Map`."""
     map = map_of(system, method)
-    _ = map.body._has_eps or system._field  # raises for a `Map`
+    _ = map.body._has_eps or system._field  # this raises an error for a `Map`
     return map
 
 

@@ -139,8 +139,8 @@ def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
 def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
-    A body of two coordinates with J = a, b and I = (c, d) is that of I1 = a, I2 = b, I13 = -d,
-    I23 = c.
+    A body with two coordinates, J = (a, b) and I = (c, d), is the body in three dimensions with
+    I1 = a, I2 = b, I13 = -d and I23 = c.
     """
     parts, omega = problem.body._reduction, problem.omega
     J, I = parts.parameters(2)
@@ -166,9 +166,9 @@ def _first_integral(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the density of the reduced body over the powers of r, 1 where every state is steady.
+    """Return the density of the reduced body over powers of r; 1 where every state is steady.
 
-    States with the same r are a sphere, whose area is the power of r that each part in E0 adds.
+    States with the same r are a sphere in E0. The power of r is the power in its area.
     """
     parts = problem.body._reduction
     values = np.ones(problem.batch)

@@ -88,7 +88,7 @@ class Reduction:
     def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the states (..., m) with coordinates (..., size) and the directions of omega.
 
-        NaN where r is not 0, and the part of omega in E0 is, because it has no direction.
+        States are NaN where r is not 0 but the part of omega in E0 is 0, and has no direction.
         """
         _, r, direction = self._directions(omega)
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))
@@ -102,7 +102,7 @@ class Reduction:
 
 
 def first_of_equal(J: FloatArray, tolerance: Any = 0.0) -> Any:
-    """Return for each J_i (..., m) the first index of the entries that are equal to it.
+    """Return for each J_i (..., m) the first index of an entry that is equal to J_i.
 
     With a tolerance, neighbours in size that differ by no more count as equal.
     """

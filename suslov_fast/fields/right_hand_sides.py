@@ -113,7 +113,7 @@ def of_equations(
     """Return the right-hand side of all members, with branches that are fixed within a step.
 
     `parameters` (P, ...) are the values for all members, `wrt` the names of parameters with respect
-    to which motions are differentiated, and `actions` are of events.
+    to which motions are differentiated, and `actions` are the actions of events.
     """
     f, given = _with_inputs(equations, parameters, wrt, actions)
     if given.ndim == 1:

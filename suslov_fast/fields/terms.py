@@ -20,8 +20,8 @@ from .exact_numbers import text_of
 class Terms(NamedTuple):
     """Terms with different indices; no term is 0 for all members of a family.
 
-    They are sorted by their indices, except that terms with a factor 1 are last: kernels add them
-    up in this order.
+    Terms are sorted by their indices, except that terms with a factor 1 are last. Kernels add terms
+    in this order.
     """
 
     indices: NDArray[np.int64]  # (3, T)

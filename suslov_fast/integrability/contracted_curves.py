@@ -55,7 +55,7 @@ class Passage(NamedTuple):
     After fewer than `steps` steps all images begin at one point, and then at points of a curve;
     `steps` is None if that takes too long. The image after k + 1 steps is divided by t to the power
     ``common_orders[k - 1]``; ``curve_orders[k - 1]`` has the order of each curve's equation after k
-    steps. Both end at the last point without an image. If `endless`, no last one was found.
+    steps. Both tuples end at the last point without an image; `endless` is True if none was found.
     """
 
     common_orders: tuple[int, ...]

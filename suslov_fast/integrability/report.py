@@ -30,7 +30,7 @@ from .symmetries import Reversor
 _WIDTH = 150  # the most characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # the largest difference by rounding of two values of one entropy
-_SHOWN = 64  # `progress` prints a line after so many sets of numbers for letters, then twice as many
+_SHOWN = 64  # sets of numbers for letters after which `progress` prints a line; later twice as many
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
     "and densities belong to invariant measures only if the map is one to one."

@@ -58,7 +58,7 @@ class Reversor:
 def reversors(map: KahanMap) -> list[Reversor]:
     """Return the isolated involutions with rational entries that reverse the field of a map.
 
-    If the field has letters, entries are numbers, for all values of the letters.
+    The entries do not depend on the letters of the field.
     """
     D, p = map.dimension, map.prime
     numbers = [*EPS[: len(map.letters)], *[0] * D]  # values of letters and x

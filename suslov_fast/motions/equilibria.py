@@ -29,7 +29,7 @@ from ..keywords import lacking, public
 from ..results.result import place_in
 from ..status import Status
 
-_MOST, _MOST_DAMPED = 30, 60  # Newton steps, and fractions of Newton steps, at most
+_MOST, _MOST_DAMPED = 30, 60  # the most Newton steps, and the most fractions of Newton steps
 _SHORTER = 0.25  # the largest ratio of a step to the step before; above it Newton's method ends
 _FARTHEST = 2.0  # the largest ratio of a step to the state; above it Newton's method ends
 # Steps of Newton's method, divided by the state. A step below _ROUNDING is the last one; so is a
@@ -272,7 +272,7 @@ def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], An
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
     """Return the states nearest to x on the line of steady states through 0 along `direction`.
 
-    Newton's method would converge slowly there, because f is homogeneous: its steps halve x.
+    Newton's method would converge slowly there, because f is homogeneous: each step halves x.
     """
     square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
     along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
@@ -440,7 +440,7 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def near(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return two masks: Newton's method converges from near y, and y belongs to a family.
+        """Return two masks: Newton's method converges from near y, and y is in a family of equilibria.
 
         A component far below the others may be a true value or rounding. So a smaller displacement
         of such components is tried, too.

@@ -244,7 +244,7 @@ def traced(event: Event, system: Any) -> TracedEvent:
 
 
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
-    """Return a copy of a function that keeps the present values of outside names.
+    """Return a copy of a function in which outside names keep their present values.
 
     Functions of the same file that it calls are copied, too; `known` has the copies by id. Any
     other object is returned as it is.

@@ -184,7 +184,7 @@ def solved(
 ) -> Motion:
     """Return the motion from states x (B, D), after a warning of solutions that end.
 
-    `names` are the names of what to differentiate it with respect to.
+    `names` say with respect to what the motion is differentiated: x0, parameters or both.
     """
     times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()

@@ -296,9 +296,9 @@ def _again(
 ) -> SolverResult:
     """Return a result in which trajectories with an alarm are computed again.
 
-    They have relative digits of the components that lost theirs (RELATIVE). Another alarm adds
-    components, the third one all. If a solution then ends sooner than without relative digits, it
-    has none, and is doubtful.
+    Components that lost their digits get relative digits (RELATIVE). A second alarm adds components,
+    and a third alarm adds all. A solution that relative digits would end sooner is computed without
+    relative digits, and is doubtful.
     """
     f, request = engine.f, engine.request
 

@@ -86,7 +86,7 @@ class Sliding:
     def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
         """Return the result of all trajectories, with these computed again, and their phases.
 
-        `names` are what to differentiate with respect to, and `at_rest` is a result of
+        `names` say with respect to what solutions are differentiated; `at_rest` is a result of
         `starts_at_rest`. Phases are a dictionary of attributes of the motion.
         """
         where, D = self.where, self.x.shape[1]
@@ -129,7 +129,7 @@ class Sliding:
     def stopped(self, part: Any) -> Any:
         """Return a result in which contacts end solutions at their hit number `most`.
 
-        The states and derivatives after it become NaN.
+        States and derivatives after this hit become NaN.
         """
         records, times = part.records, abs(self.request.times)
         for k in self.contacts:

@@ -250,7 +250,7 @@ class Shooting:
 def nearest_orbit(flow: FieldFlow, x: FloatArray, T: float) -> Shooting:
     """Return arcs of an orbit near x with a period near T, or arcs with the smallest gaps.
 
-    More arcs are tried if one arc leads to no orbit, or derivatives grow much along it.
+    More arcs are tried if one arc leads to no orbit, or if derivatives grow much along this arc.
     """
     sizes, best = _sizes(flow, x, T), None
     for M in _ARCS:

@@ -68,9 +68,9 @@ def exponents_of(
     transient: float,
     actions: tuple[EventAction, ...],
 ) -> tuple[FloatArray, SolverResult]:
-    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with how all ended.
+    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with their ends.
 
-    n counts components without a constant rate in some member, or that an action sets. `actions`
+    n counts components that an action sets, or with a rate that is not constant in a member. `actions`
     are the actions of events, in the order of code.
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
@@ -181,7 +181,7 @@ class _Run:
     ) -> bool:
         """Compute trajectories with an alarm again, from their starts in x.
 
-        Components that lost digits get a relative tolerance, and after another alarm all do.
+        Components that lost digits get a relative tolerance; after another alarm all components do.
         """
         (which,) = np.nonzero(self.again)
         times = self.event_times and self.event_times.of(which)
@@ -233,7 +233,7 @@ class _Run:
         return np.minimum(np.ceil(np.log2(size)), _MOST).astype(np.int64)
 
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
-        """Take a segment; return where it was short enough, and where the next may be longer.
+        """Take a segment; return masks: it was short enough, and the next one may be longer.
 
         `which` are numbers of trajectories. If `is_last`, there are no shorter segments.
         """
@@ -283,9 +283,9 @@ class _Run:
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
     ) -> tuple[Any, Any]:
-        """Take a segment with orthonormal frames in place of columns; return as `_segment` does.
+        """Take a segment with orthonormal frames in place of columns; return the masks of `_segment`.
 
-        Trajectories that do not reach the end of the segment have no frames from then on.
+        Trajectories that do not reach the end of the segment have no frames in later segments.
         """
         D, n, K = self.f.D, self.n, len(which)
         frame = with_frame(self.f, tuple(self.moving.tolist()))

@@ -54,7 +54,7 @@ def plot_run(
     components = ("time", [*run.body._labels]) if components == ("time",) else components
     if lists := [each for each in components if isinstance(each, (list, tuple))]:
         before = [*components[: components.index(lists[0])]]
-        for k, name in enumerate(lists[0]):  # each one has its colour
+        for k, name in enumerate(lists[0]):  # each name has a colour
             shade = f"C{k % 10}" if color is None else color
             text = label or _symbol(str(name))
             ax = plot_run(run, (*before, name), lines, shade, ax, text, given)

@@ -293,7 +293,7 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield c * candidate for all constants c that make it a cofactor of polynomials to a degree.
+    """Yield c * candidate for all constants c that make it a cofactor of some P up to a degree.
 
     The constants are eigenvalues of the pullback divided by the candidate.
     """

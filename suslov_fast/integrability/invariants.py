@@ -249,7 +249,7 @@ class Invariants:
     def measures(self) -> tuple[RationalFunction, ...]:
         """Densities of invariant measures: 1 / P for the cofactor det DPhi, or other products.
 
-        If no density is known, a density up to sign: rho(Phi) det DPhi = -rho, with the `cofactor` -1.
+        Without such a density, one up to sign: rho(Phi) det DPhi = -rho, with the `cofactor` -1.
         """
         densities = [*self.densities, *self.early_densities]
         det = self.map.jacobian_cofactor if self.has_factors else None

@@ -440,7 +440,7 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def near(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return two masks: Newton's method converges from near y, and y is in a family of equilibria.
+        """Return masks: Newton's method converges from near y; y is in a family of equilibria.
 
         A component far below the others may be a true value or rounding. So a smaller displacement
         of such components is tried, too.

@@ -70,8 +70,8 @@ def exponents_of(
 ) -> tuple[FloatArray, SolverResult]:
     """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with their ends.
 
-    n counts components that an action sets, or with a rate that is not constant in a member. `actions`
-    are the actions of events, in the order of code.
+    n counts components that an action sets, or with a varying rate in some member. `actions` are
+    the actions of events, in the order of code.
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
     result = empty_result(starts, 0)
@@ -283,7 +283,7 @@ class _Run:
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
     ) -> tuple[Any, Any]:
-        """Take a segment with orthonormal frames in place of columns; return the masks of `_segment`.
+        """Take a segment with orthonormal frames as columns; return the masks of `_segment`.
 
         Trajectories that do not reach the end of the segment have no frames in later segments.
         """

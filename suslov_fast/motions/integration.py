@@ -296,8 +296,8 @@ def _again(
 ) -> SolverResult:
     """Return a result in which trajectories with an alarm are computed again.
 
-    Components that lost digits get relative digits (RELATIVE); a second alarm adds components, and a
-    third alarm adds all. A solution that ends sooner with relative digits than without them is
+    Components that lost digits get relative digits (RELATIVE). A second alarm adds components, and
+    a third alarm adds all. A solution that ends sooner with relative digits than without them is
     replaced by the solution without them, and is doubtful.
     """
     f, request = engine.f, engine.request

@@ -241,8 +241,8 @@ def bits_of(number):
 def filled(pattern, order):
     """Return two lists: a set of columns for each row, and a set of rows for each column.
 
-    They have the entries after elimination: `pattern`, places (i, j), and fill-in. Rows and columns
-    are places in `order`, the unknowns in the order of pivots. A set is the bits of an integer.
+    The sets have the entries after elimination: `pattern`, places (i, j), and fill-in. Rows and
+    columns are places in `order`, the unknowns in the order of pivots. A set is an integer's bits.
     """
     place, D = {k: n for n, k in enumerate(order)}, len(order)
     rows, columns = [0] * D, [0] * D

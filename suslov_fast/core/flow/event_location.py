@@ -113,11 +113,11 @@ def CROSSES(
 ):  # fmt: skip
     """Return whether a step `crosses` a surface, ends close to it, or may hide crossings.
 
-    If a surface is `searched`, the states at both ends decide (`crosses`), or two crossings between
-    points (`twice`). Other steps begin a search where `starts` is 1. The end `is_close` to the
-    surface if both lengths of the search agree to the `accuracy`, or the time `since` the crossing
-    is less. In a step that is not very short (`is_long`), the surface may be crossed twice if
-    `hidden` is from 1 on (`hides`), and oscillates too fast for the points if `waves` is above 1
+    In a search (`searched`) a step crosses a surface if its ends show that (`crosses` is 1), or its
+    points show two crossings (`twice` is 1). Other steps begin a search where `starts` is 1. The
+    end is close to the surface (`is_close`) if both lengths of the search agree to the `accuracy`,
+    or if the time `since` the crossing is less. A step that is not very short (`is_long`) may hide
+    two crossings if `hidden` >= 1 (`hides`), and has too few points for oscillations if `waves` > 1
     (`has_waves`). Then the length `shorter` is next.
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
@@ -142,12 +142,12 @@ def OUTCOME(
     before, t, taken, accepted, served, goal, left, ended, outer, whole, crosses, searched,
     is_close, hides, has_waves,
 ):  # fmt: skip
-    """Return whether a step is taken again, or moves the state, and rows that say where it ends.
+    """Return whether a step is repeated, or moves the state, and rows that say where it ends.
 
     cuts     the step crosses a surface and does not end close to it: a shorter step is next
     holds    the step does not reach the surface of a search: a longer step is next
     again    the step may hide crossings: a shorter step is next
-    refused  the step is taken again for one of these reasons
+    refused  the step is repeated for one of these reasons
     ends     the solution ends (`ended` is 1): f has no value beyond the surface at the start
     lands    a step aside, which reaches its time (`served`), ends on a surface and moves the state
     moves    the state moves to the end of the step
@@ -184,11 +184,11 @@ def SEARCH(
 ):  # fmt: skip
     """Return the `length` to try next in a search for a surface, and new rows of the search.
 
-    No surface is crossed at the length `inner`, but one is at `outer`. A line between the states
-    there meets it at the fraction `part`; a line from x to x_next meets it at `whole_part`. If
-    `crossed` is 1, the first part of the step with a crossing, at `place`, ends at `end`. `weight`
-    is positive for the state at `inner`, negative for `outer`. `rounds` counts tries, `aim` is the
-    length by Newton's method. If `inner` and `outer` agree to the `accuracy`, `outer` is next.
+    A step of the length `inner` crosses no surface; a step of the length `outer` crosses one. The
+    line between their ends meets it at the fraction `part`; the line from x to x_next meets it at
+    `whole_part`. If `crossed` is 1, the first part of the step with a crossing, at `place`, ends at
+    `end`. `weight` is positive for the state at `inner`, negative for `outer`. `rounds` counts
+    tries. `aim` is Newton's length. If `inner` and `outer` agree to `accuracy`, `outer` is next.
     """
     misses = holds & (taken >= outer)  # the surface lies beyond `outer`
     of_end = (crossed > 0.0).select(end, 1.0) * taken
@@ -226,9 +226,9 @@ def NEXT_LENGTH(
 ):  # fmt: skip
     """Return `wanted`, the next length, and the rows of a search, which begins, goes on, or ends.
 
-    `wanted` is `length` in a search, and `shorter` if crossings may be hidden. After a search it is
-    `whole`, the length proposed by the first step (at most `known`), but not much longer than the
-    step to the surface: the next surface may be as near.
+    `wanted` becomes `length` in a search, and `shorter` if crossings may be hidden. After a search
+    it becomes `whole`, the length that the first step proposed (at most `known`), but not much more
+    than the length of the step to the surface, because the next surface may be as near.
     """
     searches = cuts | holds
     forgets = ~searches & (taken > 0.0)

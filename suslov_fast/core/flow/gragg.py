@@ -40,8 +40,8 @@ OF_SETS = "f_a", "f_b"  # names of the parts of f, if there are `Integrator.sets
 class ExplicitColumns(FunctionCode):
     """Writer of the function void columns(x, f, table, work, count) by Gragg's midpoint rule.
 
-    It writes the ends y_c - x of the first `count` columns to the row `ends` of `work`, for a step
-    of the length `signed`. Arguments are addresses of the state x, f there, the table and rows.
+    The function writes y_c - x, for the ends y_c of the first `count` columns, to the row `ends` of
+    `work`. The step has the length `signed`. x, f, `table` and `work` are addresses; f is f(x).
     """
 
     names = "f", "f"  # functions for the rates of what `a` and `b` hold

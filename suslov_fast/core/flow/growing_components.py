@@ -1,15 +1,15 @@
 """The alarm: a component has become small, has lost its digits, and grows again by itself.
 
-Without `atol` a step may have errors that are large beside a small component. They do no harm if
-the component decays for good, or if other components feed it: then it forgets them. If it grows by
-itself, its errors grow with it. Then the trajectory is computed again, with relative digits of this
-component (RELATIVE in place of `lost`), and with a closer rtol, because growth makes errors larger.
+Without `atol` a step may have errors that are large beside a small component. These do no harm if
+the component decays for good, or if other components feed it, that is, make most of its rate. If it
+grows by itself, its errors grow with it. Then the trajectory is computed again, with relative
+digits of this component (`lost` is RELATIVE) and a closer rtol, because growth increases errors.
 
 `lost` is the relative error that a component carries: the sum of |error / component| over steps in
 which it is small and the error counts (`some_of`). Most steps only compare two products (`ALERTS`);
-a function of its own (`add_watch`) updates `lost`. It is 0 again if the component is large and its
-error is not, and where components that have their digits feed it: |g_i| > |f_i| / 2, where g is f
-with 0 for all components that have lost digits. At an unstable equilibrium it stays. The alarm
+a function of its own (`add_watch`) updates `lost`. `lost` becomes 0 if the component is large and
+its error is not, or if components that have their digits feed it: |g_i| > |f_i| / 2, where g is f
+with 0 for all components that have lost digits. At an unstable equilibrium `lost` stays. The alarm
 comes
 
 - if the component grows, and its error is `many` allowed errors, or DEEP of its size;
@@ -90,9 +90,9 @@ def ALERTS(x, new, error, some, lost, alerts):
 
 @scalar_kernel
 def ALERTS_IMPLICIT(x, new, f_new, signed, error, some, lost, alerts):
-    """Return `alerts` = 1 if a component may lose digits, or is about to grow without them.
+    """Return `alerts` = 1 if a component may lose digits, or is about to grow without digits.
 
-    The next step may be too long for its growth.
+    In the second case the next step may be too long for the growth.
     """
     own = _begins_to_grow(x, new, f_new, signed, lost)
     own = own | _loses(x, new, error, OF_IMPLICIT * some, lost)
@@ -112,7 +112,7 @@ def LOST(
 ):  # fmt: skip
     """Return `watches`, the largest `lost`; `near`, 1 if there may be an alarm; and `lost`.
 
-    An error above DEEP or 100 rtol counts as 1 if the component keeps its sign (`keeps` is 1).
+    If a component keeps its sign (`keeps` is 1), `lost` above DEEP and 100 rtol becomes 1.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
     is_small = both * inverse * rtol < SMALL
@@ -143,7 +143,7 @@ def KNOWN(new, lost):
 def FED(new, f_new, fed, signed, lost, changes, left):
     """Return `lost`, or 0 if components with digits feed this one; then `changes` is 1.
 
-    `left` is the largest `lost`.
+    `fed` is its rate with 0 for components without digits; `left` is the largest `lost`.
     """
     own = f_new - fed
     stays = (new < 0.0).select(-own, own) * signed > NEXT * abs(new)
@@ -155,10 +155,10 @@ def FED(new, f_new, fed, signed, lost, changes, left):
 
 @scalar_kernel
 def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
-    """Return `lost`, RELATIVE for an alarm, and `watches`, more than 0 if digits are lost.
+    """Return `lost` and `watches`, the largest `lost`; for an alarm they are RELATIVE and infinity.
 
-    `watches` is infinite for an alarm. Of components below their allowed errors, `grows` is 1 if
-    one of them grows by more than exp(LONG) in this step, and `below` is their largest `lost`.
+    For components below their allowed errors, `grows` is 1 if one of them grows by more than
+    exp(LONG) in this step, and `below` is their largest `lost`. `fed` is as in `FED`.
     """
     size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
     is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
@@ -198,8 +198,8 @@ def RAISED(before, new, some, lost):
 def add_watch(text, integrator, name, for_each):
     """Add the function void small(arguments) to `text`, which updates `lost` and finds alarms.
 
-    It does so in lanes where the row `alerts` is 1. `name` begins all names. With `for_each` each
-    lane has a table.
+    The function does so in lanes where the row `alerts` is 1. Names of functions begin with `name`.
+    If `for_each` is True, each lane has its own table.
     """
     with text.function(f"{name}_small", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)

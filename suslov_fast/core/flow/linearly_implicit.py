@@ -57,8 +57,8 @@ def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
 class ImplicitColumns(FunctionCode):
     """Writer of the function void columns(x, f, table, work, count) by the linearly implicit rule.
 
-    It writes the ends y_c - x of the first `count` columns to the row `ends` of `work`; the row
-    `jacobian` has f' at x. Arguments are addresses of the state x, f there, the table and rows.
+    The function writes y_c - x, for the ends y_c of the first `count` columns, to the row `ends` of
+    `work`. The row `jacobian` has f'(x). x, f, `table` and `work` are addresses; f is f(x).
     """
 
     def add(self):

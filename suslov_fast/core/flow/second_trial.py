@@ -76,12 +76,12 @@ def SECOND(
     """Return `ratio`, `of_length` and `of_apart` of a second trial so far, and a new `inverse`.
 
     `ratio` is the largest `error` / allowed error, and `of_apart` the same of `apart`, which shows
-    false steps. `of_length`, for the next length, omits errors that only rounding allows, which do
-    not shrink with the step. `inverse` is 1 / allowed error of the component. `least` is
+    false steps. `of_length`, for the next length, omits errors that only rounding allows, because
+    they do not shrink with the step. `inverse` is 1 / allowed error of the component. `least` is
     the smaller change of f at both ends, because f may be steep at one of them. If the step is not
-    much longer than the rounding of time, `largest` counts: sub-steps see little but rounding. The
-    sum of columns makes these changes larger by `grows`. If an error is below the rounding of
-    `top`, the largest component, the `second` largest change of all points counts, too.
+    much longer than the rounding of time, `largest` counts, because sub-steps contain little except
+    rounding. The sum of columns multiplies changes by `grows`. For errors below NOISY times `top`,
+    the largest component, `second`, the second largest change at all points, counts as well.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))

@@ -135,10 +135,10 @@ def NEAR(outer):
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     """Return `taken`, the length of this step, `signed` (the length with `sign`), and `aside`.
 
-    Lanes that are not in the state `mode` use the other integrator; their length is 0. If `wanted`
-    would pass the requested time `next`, but not `second` after it, the step ends at `next`, and
-    `aside` is 1. If `wanted` is above the fraction `reach` of the time left, the step ends at
-    `last`. At `last`, where an event has yet to act, the length is TINY.
+    Lanes that are not in the state `mode` use the other integrator; their length is 0. If a step of
+    the length `wanted` would pass the requested time `next`, but not the following one, `second`,
+    it ends at `next`, and `aside` is 1. If `wanted` is above the fraction `reach` of the time left,
+    the step ends at `last`. At `last`, where an event has yet to act, the length is TINY.
     """
     rest, to_next, to_second = larger(last - t, TINY), larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -179,7 +179,7 @@ def AFTER(
 ):  # fmt: skip
     """Return whether a step is `accepted`, whether a step aside has `served`, and the next rows.
 
-    `taken` is its length. `ratio` is max error / allowed error, `of_length` the ratio for the next
+    `taken` is the length. `ratio` is max error / allowed error, `of_length` the ratio for the next
     length; `apart` is large in false steps. `total` is finite if f_next is, and `kept` is 0 if a
     sign is lost. `longer` bounds the factor of the length; `on_trial` is 1 after a second trial.
     """
@@ -242,8 +242,8 @@ def TURN_EXPLICIT(
     """Return rows of an explicit lane after a step; it may end, or turn implicit if `switches` = 1.
 
     rates / states is (h |mu|)**2 with eigenvalues mu of f'; a step is stiff above `limit`**2.
-    `stiff` counts stiff steps and, with weights, false steps (`ratio`, `apart`); `easy` counts the
-    steps after them. If `stiff` reaches `patience`, the lane turns. It ends as in `LOOKS`.
+    `stiff` counts stiff steps and, with weights, false steps (`ratio`, `apart`). `easy` counts the
+    steps after the last of these. If `stiff` reaches `patience`, the lane turns implicit.
     """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
@@ -272,9 +272,9 @@ def TURN_IMPLICIT(
     """Return `wanted`, `state`, `easy`, `patience` and `trial` of an implicit lane after a step.
 
     A step is easy if rate * wanted < 2 limit, or < 0.6 limit in the first steps, which `trial`
-    counts down; `rate` is |mu|, the largest eigenvalue of f'. `easy` counts easy steps in a row;
-    after EASY of them the lane turns explicit if `switches` is 1. If it does so in its first steps,
-    `patience`, the number of stiff steps until it turns back, grows. It ends as in `LOOKS`.
+    counts down; `rate` is |mu|, the largest eigenvalue of f'. `easy` counts consecutive easy steps.
+    After EASY of them the lane turns explicit if `switches` is 1. If this is in its first steps,
+    the number `patience` of stiff steps until the lane turns back grows. It may end as in `LOOKS`.
     """
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0

@@ -8,10 +8,10 @@ if f has a value at the next state, and if no component changes a sign that the 
 default the allowed error is max(rtol |x_next,i|, floor s_i, rtol 2**-60 max_j s_j), where s_i is
 the largest |x_i| so far, and `floor` is rtol or less (`floors_of`). The last term is there because
 a component that is reached through m others begins as t**m, and no step has relative digits of it
-for m > 10. For columns of derivatives the factor is 2**-20. Clocks, which have constant rates, have
-no error. They count in max_j s_j with their change in the step, because time may be large when all
-other components are small. With `atol` the allowed error is atol_i + rtol max(|x_i|, |x_next,i|),
-or the rounding of the weighted sum of columns, if that is more.
+for m > 10. For columns of derivatives it has 2**-20 in place of 2**-60. Clocks, which have constant
+rates, have no error. In max_j s_j a clock counts with its change in the step, because time may be
+large when all other components are small. With `atol` the allowed error is the larger of
+atol_i + rtol max(|x_i|, |x_next,i|) and the rounding of the weighted sum of columns.
 """
 
 from math import sqrt

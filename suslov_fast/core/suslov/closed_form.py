@@ -1,7 +1,7 @@
 """The closed form: state n of an orbit, or its state at time n, with a rotor or without.
 
 Symbols are those of `suslov.map_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k. With
-nu = -Im(conj(g) z) and x = ell - k, conj(g) z = x - i nu. (In equation (7) x is x, and y is
+nu = -Im(conj(g) z) and x = ell - k, conj(g) z = x - i nu. (Equation (7) has the same x, and y =
 sqrt(I1 I2) nu.) R = |z| / sqrt(1 + X**2) and A = R |g| are conserved. Let
 psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)). Then a step is linear,
 
@@ -248,7 +248,7 @@ def has_power(r, n):
 
 @formula
 def pair(n, passes, root, r, rate):
-    """Return rho and sigma at step or time n >= 0, for `state`; NaN if r**n is not real.
+    """Return rho and sigma of the state at step or time n >= 0; NaN if r**n is not real.
 
     If `passes` is positive, orbits go from one steady state to another. Then rho = r**n and
     sigma = (1 - rho) / (2 root), with rate = log|r|. Otherwise rho = cos(n a) and

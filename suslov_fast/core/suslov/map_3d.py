@@ -38,7 +38,7 @@ class Frame(NamedTuple):
     """Constants of a body and eps that convert states (w1, w2) to the variables X and Y, and back.
 
     With u = w1 and v = w2 / `back`, X = a1 u + a2 v + K and Y = a2 u - a1 v. Without a rotor
-    u = m1 X + m2 Y and v = m2 X - m1 Y. Coefficients are fields.
+    u = m1 X + m2 Y and v = m2 X - m1 Y. The coefficients are fields of the tuple.
     """
 
     e: float  # eps / (2 sqrt(I1 I2))
@@ -148,7 +148,7 @@ def length(u, v):
 def project_on_level(frame, R, X, u, v):
     """Return X, u and v on the level of the conserved R: (u, v) has the length R sqrt(1 + X**2).
 
-    X is first computed from u and v if it then has more digits.
+    X is first computed again from u and v if this gives more digits.
     """
     Y = frame.a2 * u - frame.a1 * v
     direct = (frame.a1 * u + frame.a2 * v) + frame.K

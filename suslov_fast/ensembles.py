@@ -303,7 +303,7 @@ def _make(store: Any, whole: Any, encoding: Any) -> None:
         whole.to_zarr(new, encoding=encoding, **options)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # because format 3 does not define this yet
-            zarr.consolidate_metadata(new)  # the last step: a store without it is refused
+            zarr.consolidate_metadata(new)  # the last step: a store without metadata is refused
         if is_folder:
             os.rename(new, store)
     except OSError:
@@ -323,7 +323,7 @@ def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]
     from distributed import as_completed
 
     def submitted(count: int) -> list[Any]:
-        # As bytes, which the task reads: if a function of the user cannot be imported there, the
+        # Calls are bytes that the task reads: if it cannot import a function of the user, the
         # task raises the error. If the worker read it, it would end, and the wait would not.
         texts = (cloudpickle.dumps(call) for call in islice(calls, count))
         return [client.submit(_write_pickled, text, pure=False) for text in texts]

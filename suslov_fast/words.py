@@ -200,7 +200,7 @@ TABLE = (
   ("checkintegral isintegral isconserved verify", "",
    "F(x) == F(map(x)) for fractions x, of map = suslov_fast.integrability.kahan(field, eps)"),
 )  # fmt: skip
-# The same, only for functions and objects with steps or times.
+# Words for functions and objects with steps or times alone.
 OF_STEPS = (
   ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
   ("dt h step stepsize deltat firststep initialstep", "eps",

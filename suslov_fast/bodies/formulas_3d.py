@@ -197,7 +197,7 @@ def scattering_angle(
     I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
 ) -> FloatArray:
     """Return the angle (...) of bodies without a rotor."""
-    # Written with sums of positive terms, which lose no digits. Let A, B, C and P + i Q be pi / 2
+    # Formulas with sums of positive terms, which lose no digits. Let A, B, C and P + i Q be pi / 2
     # times alpha, beta, abs(gamma) and the conjugate of kappa, and S = sin(angle / 2). Then A - P
     # is the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,

@@ -27,12 +27,12 @@ class Reduction:
         m = self.J.shape[-1]
         self.first = first_of_equal(self.J)
         multiplicity = self._in_each(np.add, np.ones(m))
-        # |I_E|; an eigenspace of one dimension keeps its coordinate and the sign of its coupling.
+        # The length |I_E|. An eigenspace of one dimension keeps its coordinate and the sign of I.
         self.length = np.where(multiplicity == 1, I, self._in_each(np.hypot, I))
         coupled = self.length != 0.0
         self.unit = I / np.where(coupled, self.length, 1.0)
         self.rest = multiplicity - coupled  # the dimension of E0
-        # If it is 1, r has a sign, because E0 has one unit vector: 1, or (-unit_j, unit_i).
+        # In an E0 of dimension 1, r has a sign along the unit vector of E0: 1, or (-unit_j, unit_i).
         i = np.arange(m)
         other = np.where(multiplicity == 2, self._in_each(np.add, i) - i, i).astype(np.int64)
         across = np.take_along_axis(self.unit, other, axis=-1) * np.where(self.first == i, -1, 1)
@@ -94,7 +94,7 @@ class Reduction:
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))
         place = self.order.argsort(axis=-1)
         places = (np.take_along_axis(place, 2 * self.first + k, axis=-1) for k in (0, 1))
-        # An absent coordinate has a place beyond the last one: another is multiplied by 0.
+        # An absent coordinate has a place beyond the last one; the last one is multiplied by 0.
         u, length = (taken(states, each.clip(max=states.shape[-1] - 1)) for each in places)
         without_direction = (self.rest > 1) & (r == 0.0) & (length != 0.0)
         with np.errstate(all="ignore"):

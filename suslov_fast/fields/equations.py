@@ -109,7 +109,7 @@ def of_hamiltonian(
     tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
 ) -> Equations:
     """Return the equations x' = K grad H, for the operand `energy` of H and the entries of K."""
-    # In an order that H determines, so that the gradient is the same for H that is read from text.
+    # Operations in an order that H determines: an H that is read from text has the same gradient.
     values, [H] = in_order(tracer.values, [energy])
     [slopes] = gradients(values, [*values.operations], [H], len(names))
     rows: list[Any] = [None] * len(names)  # an operand may be 0, the number of the first variable

@@ -303,7 +303,7 @@ def _wrapped(value: Any) -> Any:
 
 
 _MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
-_as_array = np.asarray  # as NumPy has it, also while f is called
+_as_array = np.asarray  # NumPy's own `asarray`, also while f is called
 _ONE_CALL = threading.RLock()
 if hasattr(
     os, "register_at_fork"

@@ -111,7 +111,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
         text = " ".join(str(error).split()).replace("'Symbols' object", "the state of symbols")
         text = text.replace("'Symbol' object", "a symbol")
-        if "Cannot cast" in text:  # words of NumPy
+        if "Cannot cast" in text:  # a part of a message of NumPy
             text = "a function that is no formula needs numbers"
         if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
             symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))

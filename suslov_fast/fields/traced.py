@@ -29,7 +29,7 @@ from .trace import called_by_name
 # any name that Python accepts.
 NAMES, EQUATIONS = "names of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
-# Attributes that are the same for all parameters, if these are numbers.
+# Attributes that are the same for all values of the parameters, if the parameters are numbers.
 _COMMON = {*"_coordinates dimension names _labels _equations shape _tables_of_time".split()}
 
 
@@ -224,7 +224,7 @@ class Traced(Body):
             values = [summary(name, each) for name, each in self.parameters.items()]
             return f"<{kind}, a family of shape {self.shape}: {', '.join([names, *values])}>"
         named = zip(self.names, self._formulas, strict=True)
-        # More rows than these do not fit.
+        # More rows than LONGEST // 4 do not fit.
         rows = [f"{a}{self._arrow} {formula}" for a, formula in islice(named, LONGEST // 4)]
         rows += [f"{name} = {value}" for name, value in self._numbers]
         return f"{kind}({shorten(', '.join(rows), LONGEST, placeholder=' ...')})"

@@ -312,7 +312,7 @@ class RationalMap(WithLetters):
         terms = (math.prod(math.comb(t + n - 1, n) for t, n in product) for product in powers)
         return 1e-9 * sum(min(most, count) for count in terms) * max(lengths)
 
-    # The Jacobian determinant, its factors, and the cofactors that are products of these.
+    # The Jacobian determinant, its factors, and the cofactors that are products of these factors.
 
     def _determinant(self) -> RationalFunction | None:
         """Return det DPhi in factors; None if the factors are too long."""

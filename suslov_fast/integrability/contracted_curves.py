@@ -109,7 +109,7 @@ class PlaneModulo:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
-        # Each monomial is evaluated once, for all polynomials that have it.
+        # Each monomial is evaluated once, for all polynomials that contain the monomial.
         terms = [P.to_dict() for P in (*self.forms, *self.curves)]
         self._monomials = tuple({e: None for of_one in terms for e in of_one})
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
@@ -287,7 +287,7 @@ class _Germs:
         *lower, leading = next(coefficients for coefficients in every if len(coefficients) > 1)
         n = len(lower)
         terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
-        self._modulus = sum(terms, self._r**n)  # it has the root r * `leading`
+        self._modulus = sum(terms, self._r**n)  # this polynomial has the root r * `leading`
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:

@@ -372,7 +372,7 @@ def _divisors(
             rest = free - power * sizes[k]
             if rest < 0:
                 return
-            if rest > sum(largest[k + 1 :]):  # more than the factors after this one can have
+            if rest > sum(largest[k + 1 :]):  # a degree that the later factors cannot have
                 continue
             joint = system
             if rows:

@@ -197,7 +197,7 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
     reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
     # Every infinite sequence of integers with a recurrence has one of integers (Fatou 1906).
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
-    is_minimal = rank == order  # else a recurrence of lower order holds, which was refused
+    is_minimal = rank == order  # else a recurrence of lower order holds, which was refused before
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 

@@ -219,7 +219,7 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
         values[k] = as_function(named.get(parameter, a))
     equations, stages, starts = map._equations, list[list[Any]](), [*range(D)]
     operations, results = equations.values.operations, equations.results
-    # The last operation that needs a value.
+    # The last operation that needs each value.
     last = {a: k for k, (_, _, operands) in enumerate(operations) for a in _places(operands)}
     last |= dict.fromkeys(_places(results), len(operations))
     varying: dict[int, Any] = dict.fromkeys(starts)  # the operations that depend on x, by place

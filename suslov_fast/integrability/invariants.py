@@ -85,7 +85,7 @@ class Invariants:
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
         self._normal: dict[int, str] = {}  # texts of spaces in normal form, by cofactor value
-        # Lists of polynomials with the same cofactor, which is not known.
+        # Lists of polynomials with the same unknown cofactor.
         self.spaces: list[list[RationalFunction]] = []
         self.densities: list[RationalFunction] = []  # densities that a theorem gives
         self.early_densities: list[RationalFunction] = []  # found without factors of det DPhi

@@ -331,7 +331,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 
-    # Most monomials do not occur. Those that occur for one prime are enough for the others.
+    # Most monomials do not occur. The monomials that occur for one prime suffice for other primes.
     (first,) = search(map.prime, EPS) or [[]]
     exponents = tuple(e for e, c in zip(exponents, first, strict=False) if c)
     rows = over_rationals(map.generator(integral.degree), search, len(map.letters))

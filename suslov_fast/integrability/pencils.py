@@ -82,7 +82,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     def search(p: int, eps: Values) -> list[Any]:
         rng, residues = random.Random(p), [modulo(P, p, eps) for P in (first, second)]
         common = flint.nmod_poly([0], p)
-        for _ in range(2):  # roots that depend on the plane are left out
+        for _ in range(2):  # to leave out roots that depend on the plane
             on_plane = _Equations(n, degree, p, rng)
             A, B = map(on_plane.equations, residues)
             if A.rank() < A.ncols():  # then all members are reducible
@@ -109,7 +109,7 @@ def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) ->
         mix = flint.nmod_mat(columns, rows, [rng.randrange(p) for _ in range(columns * rows)], p)
         A, B = mix * first, mix * second
         # det(A + t B) = 0 for t = -1 / s with eigenvalues s of the inverse of A times B. So the
-        # coefficients are those of its characteristic polynomial, backwards, with changing signs.
+        # coefficients are the reversed ones of its characteristic polynomial, with changing signs.
         backward = A.solve(B).charpoly().coeffs()[::-1]
         coefficients = [int(-c if k % 2 else c) for k, c in enumerate(backward)]
         common = common.gcd(flint.nmod_poly(coefficients, p))

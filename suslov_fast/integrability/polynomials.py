@@ -236,7 +236,7 @@ def _with_numbers(P: Any, p: int, numbers: Mapping[str, Any]) -> Any:
     context, *modulus = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
     names = P.context().names()
     ring = context.get(names, *modulus, ordering="deglex")
-    # python-flint 0.9 keeps terms that are 0 modulo p.
+    # python-flint 0.9 would keep terms that are 0 modulo p.
     P = ring.from_dict({e: c for e, c in P.to_dict().items() if not p or int(c) % p})
     if not numbers:
         return P

@@ -341,7 +341,7 @@ class Search:
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self._known = None
-        # Darboux polynomials, which come before, give nicer formulas.
+        # Formulas from Darboux polynomials, which come before, are simpler.
         for integral in filter(is_short, self._of_relations):
             yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 

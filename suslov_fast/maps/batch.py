@@ -28,7 +28,7 @@ from .problem import Problem
 
 # Work of a thread in a chunk, and cost of saving a state; the unit is a step of the 3D map.
 CHUNK_WORK, _SAVING = 2**26, 8.0
-# Seconds: after a shorter chunk the next one has twice as many steps, after a longer one half.
+# Seconds: after a chunk below _SHORT the next has twice as many steps, after one above _LONG half.
 _SHORT, _LONG = 0.02, 0.1
 # Seconds of Python for a part of a step; the most trajectories that kernels take singly.
 _IN_PYTHON, _FEW = 1e-5, 6

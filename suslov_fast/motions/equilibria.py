@@ -429,7 +429,7 @@ class _Equations:
 
     def by_scipy(self) -> tuple[FloatArray, bool]:
         """Return the state that SciPy finds for a single field; True if it is an equilibrium."""
-        from scipy.optimize import root  # here, because the import takes time
+        from scipy.optimize import root  # inside, because the import takes time
 
         for method in ("hybr", "lm"):
             options = {"factor": 1}  # the first step is no longer than the state

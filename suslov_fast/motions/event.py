@@ -41,7 +41,7 @@ from ..results.result import read_only
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
 _NEW_STATE = "a function of the state that returns the new one, or a list of its components"
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
-_MOST_TRACED = 64  # fields for which an event keeps its traced functions
+_MOST_TRACED = 64  # the most fields for which an event keeps its traced functions
 
 
 @public_class

@@ -262,7 +262,7 @@ def motion_of(
     """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
     if isinstance(system, Field):
         return to_tolerance(system._right_hand_sides, system.shape, x, batch, request)
-    is_exact = system._is_solved  # one truth value, or one for each member
+    is_exact = system._is_solved  # a truth value, or an array for members
     if np.all(is_exact):
         return _exact(system, x, batch, request)
     if not np.any(is_exact):

@@ -133,7 +133,7 @@ class Ends(NamedTuple):
     t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
     status: NDArray[np.int8]  # (B,)
     doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
-    repeated: NDArray[np.int8]  # (B,), 1 if small components made it compute again, else 0
+    repeated: NDArray[np.int8]  # (B,), 1 if a trajectory was computed again, else 0
 
 
 class SolverResult(NamedTuple):

@@ -82,7 +82,7 @@ class Motion(States):
     end: FloatArray
     steps: NDArray[np.int64]
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
-    _again: NDArray[np.int8] | Any = None  # 1 where small components made it compute again
+    _again: NDArray[np.int8] | Any = None  # 1 where a trajectory was computed again
     _by: tuple[str, ...] = ()  # the argument `derivatives`
     _derivatives: FloatArray | Any = None  # (n, ..., D, C), with respect to x0 first
     _phases: FloatArray | Any = None  # `phases.rows_of`, if anything slides or rests

@@ -41,7 +41,7 @@ _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # the smallest unit of residuals, as a part of the largest size
 _ROUNDING = 2.0**-49  # rounding error of T, which matters where states change fast
 _STRONG = 1e3  # weight of the equation that keeps the phase
-_LOOKS = 512  # states of a motion that are compared with the start
+_LOOKS = 512  # number of states of a motion that are compared with its start
 _OF_FORCE = 1e-6  # relative difference of two motions that are the same up to errors
 _FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
 # The longest time until a near return, in units of |x / f(x)|, and how often it is halved for the

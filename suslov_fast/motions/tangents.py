@@ -257,7 +257,7 @@ class _Run:
         matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
-        # With events, it may be the columns that became infinite, and not the state.
+        # With events, the columns may have become infinite, and not the state.
         is_end = ended & (is_last | (self.event_times is None))
         self.status[which[is_end]] = STATUS[engine.state][is_end]
         self.t[which[is_end]] += engine.t[is_end]

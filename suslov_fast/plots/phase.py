@@ -167,7 +167,7 @@ def plot_phase(
     products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$" + (f", $k={k:g}$" if k else "")
     axes.set_title(moments + (", " if ax is None else "\n") + products, fontsize="small")
     if ax is None:
-        # 4.2 font sizes below the axes, which is below their label.
+        # 4.2 font sizes below the axes, and so below the label of the axis.
         place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
         axes.legend(**place, ncols=2, frameon=False, fontsize="small")
     return axes

@@ -29,7 +29,7 @@ _ALONE = 64  # the most orbits that have a line each
 _IN_LEGEND = 8  # the most orbits in a legend
 _STYLES = "-", "--", ":", "-."  # styles of lines, for values of a second parameter
 _SIZES = {200: 6, 2000: 4}  # sizes of dots, by the most states that have them
-_TIME = -1  # in place of the index of a component
+_TIME = -1  # stands for time in place of the index of a component
 
 
 def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:

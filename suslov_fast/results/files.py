@@ -71,7 +71,7 @@ def load(path: PathLike) -> Any:
                 return class_._restored(_read(entries, kind, about), about)
         except MemoryError:
             raise
-        except Exception as error:  # from NumPy, json or zipfile, which raise many kinds
+        except Exception as error:  # NumPy, json and zipfile raise many kinds of errors
             raise ValueError(f"{name} is no complete file of this run.save: {error}") from error
 
 

@@ -20,7 +20,7 @@ from .values import Number, operand_of
 class Constraint(NamedTuple):
     """A constraint, by values of a program."""
 
-    holds: Number  # the truth value that it holds
+    holds: Number  # the truth value that the constraint holds
     gradient: dict  # {component: operand} of n, the gradient of the surface
     direction: list  # operands (D) of d, the direction of its force
 

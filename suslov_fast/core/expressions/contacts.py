@@ -103,7 +103,7 @@ class Contacts:
         contact, number = self.contacts[k], self.values.number
         s, rests = contact.s, contact.constraint.holds
         way = FAR * (self.time * self.time)
-        # A surface that jumps away from a body at rest ends its rest, too.
+        # A surface that jumps away from a body at rest also ends the rest.
         is_on = s * s <= way * way * contact.square + LEAST
         surface = rests.select(is_on.select(self.reactions[k], -self.reactions[k]), s)
         stays = rests

@@ -93,7 +93,7 @@ def double_crossings_of(f, surfaces):
     tested = [
         (k, a, surface)
         for k, (a, surface) in enumerate(zip(f.watched.results, surfaces, strict=True))
-        # An equality is true on its surface alone.
+        # An equality needs no test, because it is true on its surface alone.
         if not (isinstance(a, float) or a in degrees or surface.kind == "oeq")
     ]
     if not tested:

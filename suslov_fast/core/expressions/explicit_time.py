@@ -64,7 +64,7 @@ class ElapsedTime:
         """
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
-        # A clock that stays is the new clock, not the old one.
+        # If an event leaves a clock as it is, its new state is the new clock, not the old one.
         to = to and [
             a if a == i and i in self.offsets else self._whole(a) for i, a in enumerate(to)
         ]

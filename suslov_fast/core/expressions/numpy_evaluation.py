@@ -60,7 +60,7 @@ def _of_list(name):
     return of_arrays
 
 
-# Functions of the C library, by their names there. Machine code calls them lane by lane.
+# Functions by their names in the C library. Machine code calls these functions lane by lane.
 _NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
 OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
 # Integer instructions; their names in LLVM follow "bits_".
@@ -75,7 +75,7 @@ OF_BITS = {
 }
 OF_LISTS = {name: _of_list(name) for name in ELEMENTARY}
 # Instructions by their names in LLVM. For one state Python's operators are faster than NumPy's.
-# "max" and "min" are a comparison and a `select` there: the second operand if either is NaN.
+# In LLVM "max" and "min" are a comparison and a `select`: the second operand if either is NaN.
 OF_NUMBERS = {
     "fadd": operator.add,
     "fsub": operator.sub,

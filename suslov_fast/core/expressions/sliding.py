@@ -26,8 +26,8 @@ from .values import Number, joined, operand_of
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # part of the terms of s: a state is on the surface if |s| is not larger
-NEAR = 2.0**-32  # part of the terms of s: such surfaces are near, and may be slid along together
-BARELY = 2.0**-24  # part of the rate on the other side of a surface: smaller rates are rounding
+NEAR = 2.0**-32  # part of the terms of s: surfaces with smaller |s| may be slid along together
+BARELY = 2.0**-24  # part of the rate on the other side of a surface: a smaller rate is rounding
 # The most modes of one f; and of modes times pairs of modes that change each other's rates, as the
 # time to compile is proportional: five modes that each change all others, or a chain of twelve.
 MOST, MOST_PAIRS = 24, 150
@@ -195,7 +195,7 @@ class SlidingEquations(_Rates):
     def _event(self, k, action):
         """Return the `EventAction` `action` of event k, which also sets the modes."""
         values = self.values
-        if k in self.contacts:  # this event also begins and ends a rest
+        if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
             # A body that leaves its rest has no rate.
@@ -217,7 +217,7 @@ class SlidingEquations(_Rates):
         surface = slides.select(w * (1.0 - w), mode * s)
         x = [*range(self.D + self.size)]
         x[place] = slides.select((w > 0.5).select(1.0, -1.0), mode).number
-        # Other modes may end with this one.
+        # Other modes may end with mode g.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [g, *others, g] if others else [g], at=g)
         # On the surface without errors, which would grow from phase to phase.

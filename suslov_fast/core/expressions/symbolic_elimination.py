@@ -219,7 +219,7 @@ def elimination_order(pattern, D):
         key = heappop(keys)
         k = key[-1]
         if k not in left or key != (degree[k], depth[k], k):
-            continue  # an old key of this unknown
+            continue  # an outdated key of the unknown k
         order.append(k)
         left.remove(k)
         others = neighbours[k]

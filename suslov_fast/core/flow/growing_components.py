@@ -40,7 +40,7 @@ NEXT, LONG, MOST = 0.25, 2.0, 8.0
 # the first half, LITTLE_LESS in the second, to stop near values with which all grow.
 LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
-# errors is alarming, and PART of it is a reason to look at f. A component is small below SMALL of
+# errors is alarming; PART of it is a reason to look at f. A component is small below SMALL of
 # its largest value. If its sign may change, its errors count LOOSE times less, because they are
 # large where it passes 0: with 1 in place of 2.5, 58 of 256 orbits of Van der Pol's equation
 # (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.

@@ -321,6 +321,6 @@ def end_of_motion(system, memory):
     return memory[system.plan[PLAN.ended]]
 
 
-# What `compiled` calls for a system of this kind.
+# Functions that `compiled` calls for a `MotionSystem`.
 MotionSystem.memory, MotionSystem.one_step = motion_memory, motion_of_one
 MotionSystem.end = end_of_motion

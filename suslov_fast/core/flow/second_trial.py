@@ -137,7 +137,7 @@ def try_again(code, sums):
             now = code.apply(SECOND, i, **inputs, **vars(found))
             work.inverse.choose(tried, i, now.pop("inverse"))
             found.update(now)
-        # Rounding, if it decides, does not make equations stiff: rates are 0.
+        # If rounding decides, equations do not count as stiff: rates are 0.
         counts = refused | tried & (found.of_length < sums["ratio"])
         after = {"ratio": found.ratio, "of_length": found.of_length, "apart": found.of_apart}
         after |= {"on_trial": 1.0, "rates": 0.0}

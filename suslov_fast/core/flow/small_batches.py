@@ -26,7 +26,7 @@ from .batch_solver import (
 from .code_arguments import NUMBER, SLOT
 from .memory import BEGINS, LaneState
 
-_KEPT = 1024  # largest number of times for which memory is kept
+_KEPT = 1024  # the most requested times for which memory is kept
 _NAN = array("d", [math.nan])
 
 
@@ -49,7 +49,7 @@ class _PreparedRunner(StepRunner):
         self.columns = {name: rows[:, getattr(places, name)] for name in COLUMNS}
         first = both.copy()  # the content with which each call begins
         self.first_table, self.source = first[count:].reshape(shape), None
-        self.now, self.first = both.data, first.data  # Python copies these faster than NumPy
+        self.now, self.first = both.data, first.data  # Python copies `data` faster than NumPy does
         numbers, W, self.moduli = numbers_of(settings, sign)[:], 1 if B == 1 else WIDTH, None
         super().__init__(integrator, W, rows, table, numbers, components_of(f, settings))
 

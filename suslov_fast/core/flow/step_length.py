@@ -39,7 +39,7 @@ SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step 
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # the most steps between two requested times
-# A lane becomes implicit after PATIENCE steps that look stiff; it forgets them after FORGET others.
+# A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps end this count.
 # Its first TRIAL implicit steps are a trial. It becomes explicit after EASY steps that explicit
 # steps could do as well. MOST_PATIENCE is the largest patience.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
@@ -187,7 +187,7 @@ def AFTER(
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the error estimate is valid
     accepted = is_active & sees & (apart <= MOST_APART) & (ratio <= 1.0)
-    # All that follows waits for the factor, so what does not need the factor comes first.
+    # Operations that do not need the factor come first, because the others wait for the factor.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
     factor = sees.select(larger(smaller(SAFETY * _factor(of_length), most), SHORTER), OF_NAN)

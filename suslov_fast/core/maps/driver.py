@@ -155,14 +155,14 @@ class _Driver:
     def take_rare_stage(self, stage, rows, line, n):
         """Add the rare operations of stage n, and pivoting if needed; return the next state."""
         text, components = self.text, range(self.D)
-        # Loaded and computed again, so that the registers of usual lines need not be stored.
+        # Numbers are loaded and computed again here, so that usual lines need not store registers.
         x = [rows[i] for i in components]
         stage.take(x)
         after, accurate, good, signs = stage.take_rare()
         after = [accurate.select(*both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             rows[k] = value
-        # Lanes that `pivoting_step` takes, and those from det A < 0 or with a changed sign.
+        # Lanes that `pivoting_step` takes, and lanes from det A < 0 or with a changed sign.
         bad = self.others(good, line, self.of.ended)
         signs = signs & (good & self.others(0, line, self.of.passed)) * (1 | 1 << CHANGED)
 

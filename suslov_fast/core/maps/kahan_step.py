@@ -171,7 +171,7 @@ class Step:
             beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
             excess = joined("fadd", [larger(0.0, each) for each in beyond])  # NaN stays NaN
             common.append(excess < np.inf)
-            if len(increments) == self.D:  # or a component equals its limit, such as 0 that stays 0
+            if len(increments) == self.D:  # or a component equals its limit, as 0 that stays
                 at_limit = [sizes[k].equals(limits[k]) for k in increments]
                 common.append(joined("or", [excess > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()

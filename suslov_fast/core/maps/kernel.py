@@ -97,7 +97,7 @@ class _Lines:
         would take in Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
         """
         stages = len(self.scheme.stages.fractions)
-        every = min(every, stop + 1)  # times stages, it is an integer of 64 bits
+        every = min(every, stop + 1)  # so `every` times `stages` is an integer of 64 bits
         until, steps = every - start % every if every else 0, (stop - start) * stages
         rows = saved, until * stages - 1, every * stages - 1
         address = code_of(text_of_steps, self.scheme.step, self.W, self.for_each, saved.size > 0)

@@ -36,7 +36,7 @@ def in_lines(rows, W):
     return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
 
 
-@functools.lru_cache(PLANS)  # because it takes longer than a few steps
+@functools.lru_cache(PLANS)  # because a table takes longer than a few steps
 def common_table(step, stages, eps, values):
     """Return eps v / 2 and tables (`tables_of`) of one field, cached by bytes of eps and values."""
     values = np.frombuffer(values)

@@ -136,5 +136,5 @@ def field_step_of_one(system, state, out, memory):
     return PASSED_POLE if passed and status == OK else status
 
 
-# What `compiled` calls for a system of this kind.
+# Functions that `compiled` calls for a `FieldSystem`.
 FieldSystem.memory, FieldSystem.one_step = field_memory, field_step_of_one

@@ -218,5 +218,5 @@ def step_of_one(system, x, out, memory):
     return status
 
 
-# What `compiled` calls for a system of this kind.
+# Functions that `compiled` calls for a `BodySystem`.
 BodySystem.memory, BodySystem.one_step = no_memory, step_of_one

@@ -297,7 +297,7 @@ class GaussSystem(NDSystem):
     __slots__ = ()
 
 
-# What `compiled` calls for a system of these kinds.
+# Functions that `compiled` calls for an `NDSystem`.
 NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
 GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 

@@ -32,7 +32,7 @@ class Reduction:
         coupled = self.length != 0.0
         self.unit = I / np.where(coupled, self.length, 1.0)
         self.rest = multiplicity - coupled  # the dimension of E0
-        # In an E0 of dimension 1, r has a sign along the unit vector of E0: 1, or (-unit_j, unit_i).
+        # In an E0 of dimension 1, r has a sign along its unit vector: 1, or (-unit_j, unit_i).
         i = np.arange(m)
         other = np.where(multiplicity == 2, self._in_each(np.add, i) - i, i).astype(np.int64)
         across = np.take_along_axis(self.unit, other, axis=-1) * np.where(self.first == i, -1, 1)

@@ -36,7 +36,7 @@ _CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
 _LEAST_CHANGE = 1e-6  # the smallest relative correction
 _ARCS = 1, 4, 16  # numbers of arcs that are tried in this order
 _GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are tried
-# The residual of a solution, in units of rtol and of the growth of derivatives; and its limit.
+# The allowed residual, divided by rtol and the growth of derivatives; and its limit for small rtol.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # the smallest unit of residuals, as a part of the largest size
 _ROUNDING = 2.0**-49  # rounding error of T, which matters where states change fast

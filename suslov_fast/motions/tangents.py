@@ -47,8 +47,8 @@ _ROOM = 8.0  # the largest product of the length of the first segment and the si
 # and _LEAST times the largest entry: errors are `rtol` times the largest columns so far.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # each column at time 0 has this part of all directions
-# After the shortest segment, entries without digits: at most _DEAD times the largest entry, or at
-# most what rounding errors in an event leave of a column of length 1.
+# After the shortest segment an entry of R has no digits if it is at most _DEAD times the largest
+# entry, or at most _NO_DIGITS: rounding errors in an event leave so much of a column of length 1.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
 # After _FEW segments within _PART of the time, up to _LARGEST_FRAME tangent vectors become an

@@ -41,7 +41,7 @@ from .values import larger, operand_of, smaller
 POINTS = 0.23, 0.49, 0.76, 1.0
 _FRACTIONS, MIDDLE = (0.0, *POINTS), 2
 ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
-# Factors of divided differences in e. The fourth may vanish by chance; then the third decides.
+# Factors of divided differences in e. If the fourth one is 0 by chance, the third one decides.
 OF_FOURTH = 16.0 * prod(abs(POINTS[1] - u) for u in _FRACTIONS if u != POINTS[1])
 OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi

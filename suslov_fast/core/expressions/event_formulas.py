@@ -23,7 +23,7 @@ from .values import operand_of
 
 # How many numbers `_toward` finds for each surface.
 OF_SURFACE = 5
-_BRANCHES = "select", "max", "min", "fabs", "floor"  # as with tables, s may be 0 all around a state
+_BRANCHES = "select", "max", "min", "fabs", "floor"  # with these s may be 0 all around a state
 # Operations that have no value for some operands.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"

@@ -28,8 +28,8 @@ _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # part of the terms of s: a state is on the surface if |s| is not larger
 NEAR = 2.0**-32  # part of the terms of s: surfaces with smaller |s| may be slid along together
 BARELY = 2.0**-24  # part of the rate on the other side of a surface: a smaller rate is rounding
-# The most modes of one f; and of modes times pairs of modes that change each other's rates, as the
-# time to compile is proportional: five modes that each change all others, or a chain of twelve.
+# The most modes of one f, and the most modes times pairs of modes that change each other's rates.
+# The time to compile grows with this product, which five modes in all pairs or chains of 12 reach.
 MOST, MOST_PAIRS = 24, 150
 
 

@@ -30,7 +30,7 @@ _BEFORE = 2  # number of results of `branches` that precede the branches
 BACK_AND_FORTH = 12.0  # so many changes of branches in a row at one instant count as sliding
 EARLY = 2.0**-12  # part of the last time: earlier changes of branches count as changes then
 # Parts of the time. If a solution ends just before a surface, the surface is sought within NEAREST,
-# then up to AHEAD. If the solution ends so again within AGAIN, that counts as a change at once.
+# then up to AHEAD. A second such end within AGAIN counts as a change of branches at once.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 

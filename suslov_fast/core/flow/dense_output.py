@@ -23,8 +23,8 @@ from .step_length import AFTER_REFUSED
 from .weights import EXPLICIT, ORDER, weights
 
 # The largest error of the polynomial is OF_DEFECT times its defect at the points v of TESTS. FEW
-# columns give its nodes, or one more column, if the error of FEW over the whole step is above
-# OF_FEW times the allowed error. A time within the part AT_END of a step from its end is the end.
+# columns give its nodes; one column more is used if the error of FEW columns in the whole step is
+# above OF_FEW allowed errors. A time within the part AT_END of a step from its end is the end.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Weights of FEW columns, and of one more; other columns have the weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]

@@ -28,7 +28,7 @@ from .memory import LaneState
 from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
-PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: part of t, and of the last time
+PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: parts of t and of the last time
 HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0

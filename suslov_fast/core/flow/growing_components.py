@@ -33,17 +33,17 @@ from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # in place of `lost`: the component has relative digits
 LATER = 1.001  # the ratio of two times of ends up to which both may be at the same pole
-# Exponents a h of growth in a step: NEXT in an implicit step, after which one may be four times as
-# long; LONG in an explicit step that loses 1e-6 of its growth, (a h / MOST)**10 of exp(a h).
+# Exponents a h of growth in a step. NEXT: in an implicit step, before a step four times as long.
+# LONG: in an explicit step that loses 1e-6 of its growth, (a h / MOST)**10 of exp(a h).
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
 # In each of at most ROUNDS rounds components that do not grow keep a part of their values: LESS in
 # the first half, LITTLE_LESS in the second, to stop near values with which all grow.
 LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
 # errors is alarming; PART of it is a reason to look at f. A component is small below SMALL of
-# its largest value. If its sign may change, its errors count LOOSE times less, because they are
-# large where it passes 0: with 1 in place of 2.5, 58 of 256 orbits of Van der Pol's equation
-# (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
+# its largest value. Errors of a component that may change its sign count LOOSE times less, because
+# errors are large where it passes 0: with 1 in place of 2.5, 58 of 256 orbits of Van der Pol's
+# equation (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
 MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
 SOME, OF_IMPLICIT = 1.6e-3, 0.125  # see `some_of`
 DEEP = 5e-4  # or 100 rtol: relative error above which a component of one sign has no digits

@@ -15,7 +15,7 @@ from .kahan_step import ExtendedStep
 # NumPy takes programs longer than LONGEST, which LLVM would compile for seconds, and multiplies
 # derivatives with more than MOST_WORK products (measured on coupled lattices).
 LONGEST, MOST_WORK = 10_000, 4000
-# Operands that pass NaN on, in functions where not all do: max and min return one number if the
+# Operands that pass NaN on, in functions where some do not: max and min return one number if the
 # other is NaN, and NaN**0 = 1**NaN = 1.
 _PASSES_NAN_ON = {"select": slice(1, None), **dict.fromkeys(("max", "min", "pow"), slice(0))}
 

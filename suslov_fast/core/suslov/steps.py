@@ -37,8 +37,8 @@ PROJECTED = 512  # steps after which a general state is projected on the level o
 GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state
 TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
-# Rows of a block. A run continues from the first ones: from three if the whole block is plain, else
-# from all CARRIED, where U and V are the state if it is fixed.
+# Rows of a block. A run continues from the first three rows if the whole block is plain, else from
+# the first CARRIED rows, where U and V are the state of a fixed lane.
 FORM, X_, Y_ = range(3)  # X and Y of the plain form
 XG, U, V, R = range(3, 7)  # X, u and v of the general form, and R at the start
 CARRIED_BY_PLAIN, CARRIED = XG, R + 1

@@ -290,7 +290,7 @@ def _watch(f, surfaces):
 def _derived(f, choices):
     """Return the `Program` of the entries of f's table that are functions of branches.
 
-    f's table has functions of parameters alone; `choices` are the parameters that hold branches.
+    The entries are functions of parameters alone. `choices` are the parameters that hold branches.
     """
     of = depending(f.fixed, choices).difference(choices)
     return program_of(f.fixed, [a for a in f.table if a in of])

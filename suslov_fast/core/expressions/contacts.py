@@ -114,7 +114,7 @@ class Contacts:
         return surface.number, [*x, *self.values.modes]
 
     def decided(self, x, leaving=None):
-        """Return operands of the state x, with the modes of contacts there.
+        """Return operands of the state x, with the modes that contacts have at x.
 
         A body on its surface rests if its next bounce would be rounding, and if its reaction does
         not pull. A body at rest has no speed. `leaving` is the number of the event (contact) at

@@ -61,9 +61,9 @@ class DoubleCrossings(NamedTuple):
     of_clocks    True if there are surfaces that depend on clocks alone
     of_states    True if there are surfaces that depend on other components
 
-    `decision` reads the values of the surfaces at five points of a step, the results of `phases`
-    and of `rates` there, the state at the middle point, rtol, and the table of f. Its results are
-    maxima over all surfaces:
+    `decision` reads the values of the surfaces, the results of `phases` and the results of `rates`
+    at five points of a step; the state at the middle point; rtol; and the table of f. Its results
+    are maxima over all surfaces:
 
     1. e / |m| (see the module); from 1 on the step must be shorter. The result is MOST if
        interpolation or the rates show two crossings that the values at the points do not show.

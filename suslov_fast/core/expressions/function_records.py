@@ -19,8 +19,8 @@ class Function(NamedTuple):
 
     name         NumPy's name for it, which is also its name in equations
     operands     how many operands it takes
-    derivative   takes the operands and the value; returns one partial derivative or several
-    is_0_at_0    True if it is 0 at 0, and smooth there
+    derivative   function of the operands and the value; returns one partial derivative or several
+    is_0_at_0    True if it is 0 at 0, and smooth at 0
     instruction  its name in expression programs; "" if it is made of others
     formula      if it is made of others: takes a `Number` for each operand, returns the value
     sign         its sign in equations

@@ -241,9 +241,9 @@ class SlidingEquations(_Rates):
     def _decided(self, x, surfaces, at=None):
         """Return the state x (operands); `surfaces` that it is on get the modes to which f leads.
 
-        The solution arrives at the surface `at`, or leaves it, if `at` is not None. First each mode
-        is found alone, from the rates on both sides of its surface. If it is the mode of a side
-        on which f leads away from the surface, it stays. Then several modes are found together.
+        If `at` is not None, the solution arrives at the surface `at`, or leaves it. First each mode
+        is found on its own, from the rates on both sides of its surface. The mode of a side on
+        which f leads away from the surface stays. Then several modes are found together.
         """
         number, D = self.values.number, self.D
         for g in surfaces:
@@ -262,8 +262,8 @@ class SlidingEquations(_Rates):
     def _together(self, x, at):
         """Return the state x (operands) with the modes of several surfaces near it chosen together.
 
-        All modes slide if they can do so together, so that solutions continue when they wind into
-        the point where the surfaces meet. Otherwise modes are as in x, or, for two surfaces, the
+        All modes become 0 (sliding) if this is possible, so that solutions continue when they wind
+        into the point where the surfaces meet. Otherwise modes are as in x or, of two surfaces, the
         only consistent pair. The first mode is infinite if no pair or several are consistent, if a
         state lies beyond its mode, or where solutions slide along two surfaces and the jump at one
         depends on the side of the other. `at` is as in `_decided`.

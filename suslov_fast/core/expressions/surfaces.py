@@ -8,8 +8,8 @@ from .tables import Table, is_table
 class Surface(NamedTuple):
     """A surface; its function of the state is a result of `RightHandSide.watched`.
 
-    kind    the condition of the branch that changes there: a comparison, with the difference of the
-            compared numbers; or "floor" or a `Table`, with its argument; "event" for events
+    kind    the condition of the branch that changes at it. The function is the difference of the
+            numbers of a comparison, or the argument of "floor" or a `Table`. "event" for events
     number  the number of the first parameter that holds the branch; for events their number
     jumps   True if f jumps there; False at kinks, where f only bends, and for events
     """

@@ -366,7 +366,7 @@ class StepRunner:
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, event_times, equal, records):
-        """Let `take` read `event_times`, pairs (time, event), and append actions to `records`.
+        """Let `self.take` read `event_times`, pairs (time, event), and append actions to `records`.
 
         `equal` is the largest number of events at one time.
         """

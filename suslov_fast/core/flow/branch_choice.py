@@ -117,7 +117,7 @@ def add_branches(text, integrator, name, for_each):
 def update_branches(code, truth, by_motion=False):
     """Choose all branches of f at the new state, in lanes where `truth` is true.
 
-    A solution that just meets a surface is beyond it only if it moved there (`by_motion`).
+    A solution exactly on a surface counts as beyond it only if a step led there (`by_motion`).
     """
     branches = code.f.branches
     if branches.joins and not by_motion:

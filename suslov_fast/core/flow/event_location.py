@@ -1,4 +1,4 @@
-"""The event cut: a step that crosses a surface is taken again, until a step ends just beyond it.
+"""The event cut: a step that crosses a surface is repeated until a step ends just beyond it.
 
 A step evaluates surfaces at POINTS of its length, at the states (`POINT`)
 

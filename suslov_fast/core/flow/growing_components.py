@@ -198,8 +198,8 @@ def RAISED(before, new, some, lost):
 def add_watch(text, integrator, name, for_each):
     """Add the function void small(arguments) to `text`, which updates `lost` and finds alarms.
 
-    The function does so in lanes where the row `alerts` is 1. Names of functions begin with `name`.
-    If `for_each` is True, each lane has its own table.
+    It concerns lanes where the row `alerts` is 1. Names of functions begin with `name`. If
+    `for_each` is True, each lane has its own table.
     """
     with text.function(f"{name}_small", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)

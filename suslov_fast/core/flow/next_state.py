@@ -1,4 +1,4 @@
-"""The next state from the ends of columns: x_next, f there, and the error estimate e (`step`).
+"""The next state from the ends of columns: x_next, f(x_next), and the error estimate e (`step`).
 
 A component whose rate contains it as a factor keeps its sign, and so do denominators of time.
 """
@@ -25,7 +25,7 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 
 
 def find_next_state(code):
-    """Write the next state, f there and errors to the rows `new`, `f_new` and `error`.
+    """Write the next state, f at this state, and errors to the rows `new`, `f_new` and `error`.
 
     Return `kept`, 0 where a component changes a sign that the motion keeps, else 1; and, for x and
     for derivatives, a dict of inputs of `tolerance.ALLOWED` that depend on all components.

@@ -7,10 +7,10 @@ implicit step A**-1 (`linearly_implicit`) multiplies the allowed error, because 
 it. In x' clocks are later by 2**-50 of their values, and other components differ by about 2**-49 of
 their values. A trial takes time, so only steps after a rejected step or another trial have one.
 
-A component that is 0 up to rounding, because terms of its rate cancel, consists of rounding alone:
-no step has digits of it, and shorter steps would not help. So an error below NOISY of the largest
-component may be as large as such changes of f at the points ALONG the step, and does not shorten
-the next step. If such an error decides about an accepted step, every eighth step has the trial.
+If terms of the rate of a component cancel, the component may be 0 up to rounding. Then no step has
+digits of it, and shorter steps would not help. So an error below NOISY times the largest component
+may be as large as such changes of f at the points ALONG the step, and does not shorten the next
+step. If such an error decides about an accepted step, every eighth step has the trial.
 """
 
 from math import inf

@@ -8,9 +8,9 @@ All columns may agree on a false end, because f changes within a layer thinner t
 Columns of `gragg` and `linearly_implicit` have a sum that vanishes on true steps, to the order of
 the method. A step is rejected if this sum exceeds MOST_APART times the allowed error.
 
-If the next step would pass one requested time, a `step aside` from the same state ends there first.
-It is tested, and its end is saved, but the trajectory stays. Implicit steps have a step aside for
-each time. If an explicit step passes several times, a polynomial gives them (`dense_output`).
+If the next step would pass one requested time, a step from the same state ends there first. It is
+called a step aside: its end is tested and saved, but the trajectory stays. Each time in an implicit
+step has a step aside; a polynomial gives several times in an explicit step (`dense_output`).
 
 The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' with negative real parts.
 The difference quotient of f between the next state and the end of the last column shows the largest

@@ -6,7 +6,7 @@ ratio = max_i e_i / allowed_i <= 1,
 
 if f has a value at the next state, and if no component changes a sign that the motion keeps. By
 default the allowed error is max(rtol |x_next,i|, floor s_i, rtol 2**-60 max_j s_j), where s_i is
-the largest |x_i| so far, and `floor` is rtol or less (`floors_of`). The last term is there because
+the largest |x_i| so far, and `floor` is rtol or less (`floors_of`). The last term is needed because
 a component that is reached through m others begins as t**m, and no step has relative digits of it
 for m > 10. For columns of derivatives it has 2**-20 in place of 2**-60. Clocks, which have constant
 rates, have no error. In max_j s_j a clock counts with its change in the step, because time may be
@@ -87,7 +87,7 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
     """Update `rates`, the sum of (h (f_new - f_last))**2, and `states`, of (new - last)**2.
 
     rates / states is (h |mu|)**2 with an eigenvalue mu of f', and h = `taken`. `last` is y_N of the
-    last column, and `f_last` f there. Terms are relative to allowed errors, 1 / `inverse`.
+    last column, and `f_last` is f(y_N). Terms are relative to allowed errors, 1 / `inverse`.
     """
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}

@@ -69,7 +69,7 @@ def take_dense(threads, arguments, omega0, span, output):
 
     `arguments` are a `Scheme`, values and eps; `omega0` (B, D) is state 0. `carry` (1, B) of the
     `output` has n of first states beyond poles, or 0. If a lane loses digits, `solve_at` is
-    compiled, and the steps are taken again.
+    compiled, and the steps are repeated.
     """
     scheme, *parameters = arguments
     trajectories = slice(span.begin, span.end)

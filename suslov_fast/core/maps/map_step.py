@@ -73,7 +73,7 @@ class MapStep(ExtendedStep):
     def _add_test(self, D):
         """Add the tests `accurate` (f(x) finite, x not NaN) and `good` (sum finite, or all NaN).
 
-        Lanes that have ended are NaN. Thanks to `good` their lines take no more time than others.
+        Lanes that have ended are NaN. As they are `good`, their lines need no rare operations.
         A sum is faster, but may overflow where f(x) is finite; a - a is 0 or NaN.
         """
         number = self.values.number

@@ -75,8 +75,8 @@ def packed(truths):
 def note_undefined(states, notes):
     """Set statuses of trajectories to NONFINITE where state 0, in `states` (B, D), has a NaN.
 
-    `notes` are the arrays status, failed_at, set to 0 for these trajectories, and poles, set to 0.
-    Statuses and poles of the first step stay, which stages that are taken one by one begin with.
+    `notes` are the arrays status, failed_at and poles. failed_at becomes 0 for these trajectories,
+    and poles 0 where the status is OK. Other results stay: earlier stages of a step may have them.
     """
     status, failed_at, poles = notes
     poles[status == OK] = 0.0

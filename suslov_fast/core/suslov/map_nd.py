@@ -17,8 +17,8 @@ beta = sum I**2 / d and gamma = sum w**2 / d they are
 -h gamma I.delta + (1 + 2 h alpha) w.delta = 2 h (p gamma - |w|**2 alpha).
 
 Digits are lost where a d_i is small, where the determinant of the two equations cancels, and where
-w + delta cancels; there lanes take the step by elimination. det A is the determinant of the two
-equations times prod (d_i / J_i). If det A is negative, a step passes a pole, or is too long.
+w + delta cancels; such lanes solve A(w) w_next = w by elimination. det A is prod (d_i / J_i) times
+the determinant of the two equations. If det A is negative, a step passes a pole, or is too long.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
 final        (B, m), the states that a run continues from

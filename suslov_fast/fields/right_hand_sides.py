@@ -133,7 +133,7 @@ def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
 
 def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None:
     """Return the results of a program of f at one state by machine code; None in first calls."""
-    calls = vars(f).setdefault("calls", {})  # the number of calls, later `by_code`
+    calls = vars(f).setdefault("calls", {})  # by name: the number of calls, later `by_code`
     if isinstance(function := calls.get(name, 0), int):
         calls[name] = function + 1
         if function < _PATIENCE or f.is_dense or (name != "table" and f.work > _MOST_OPERATIONS):

@@ -215,7 +215,7 @@ class Search:
             return is_small and len(self.known.integrals) < (self.relations or 0)
         if not self.is_complete:
             return True
-        if len(self.map.letters) > 1:  # replacements cost more than they are worth
+        if len(self.map.letters) > 1:  # a replacement of integrals costs more than it is worth
             return False
         highest = max((f.degree for f in self.known.integrals), default=0)
         return highest > self.degree or (is_small and degree <= highest)

@@ -121,7 +121,7 @@ class _Rates:
             if kind == "fdiv":
                 [c] = renamed(factors, new)
                 new[number] = emit("fmul", c, folded(emit, "select", (is_above, sign, -sign)))
-            elif kind == "fabs":  # 0 on the surface
+            elif kind == "fabs":  # the modulus is 0 on the surface
                 modulus = emit("fmul", sign, emit("fmul", self.D + g, of[0]))
                 modulus = emit("max", modulus, 0.0) if self.has_gaps else modulus
                 new[number] = 0.0 if g in sides else modulus

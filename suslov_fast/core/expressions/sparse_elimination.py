@@ -24,12 +24,12 @@ NEAR = 4
 class ColumnOffsets(NamedTuple):
     """Where a column begins in the arrays of `Sparse`; it ends where the next column begins."""
 
-    entries: int  # where it begins in `rows` and `numbers`
-    pivots: int  # where it begins in `pivots`
-    spans: int  # where its spans of U, which come first, begin in `spans`
-    lower: int  # where its spans of L begin in `spans`
-    of_upper: int  # where it begins among the numbers of U
-    of_lower: int  # where it begins among the numbers of L
+    entries: int  # where the column begins in `rows` and `numbers`
+    pivots: int  # where the column begins in `pivots`
+    spans: int  # where the spans of U of the column begin in `spans`; spans of U come first
+    lower: int  # where the spans of L of the column begin in `spans`
+    of_upper: int  # where the column begins among the numbers of U
+    of_lower: int  # where the column begins among the numbers of L
 
 
 SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))

@@ -45,7 +45,7 @@ LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # errors are large where it passes 0: with 1 in place of 2.5, 58 of 256 orbits of Van der Pol's
 # equation (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
 MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
-SOME, OF_IMPLICIT = 1.6e-3, 0.125  # see `some_of`
+SOME, OF_IMPLICIT = 1.6e-3, 0.125  # factors of the least error that costs digits, see `some_of`
 DEEP = 5e-4  # or 100 rtol: relative error above which a component of one sign has no digits
 UNDERFLOW = 2.0**-990
 

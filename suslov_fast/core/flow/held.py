@@ -83,7 +83,7 @@ class Plan(NamedTuple):
     t: int
     lane_state: int
     at: int  # the time at which actions accumulate
-    lost: int  # see `growing_components`
+    lost: int  # relative errors of components, see `growing_components`
 
 
 PLAN = Plan(*range(len(Plan._fields)))

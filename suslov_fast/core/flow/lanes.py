@@ -51,7 +51,7 @@ def pause_if_spent(code):
     """Let the code return 0, to pause, if the budget is spent or the buffer of records is full."""
     text, left = code.text, code.arguments[SLOT.budget]
     is_spent = left.equals(0)
-    if code.integrator.events:  # the buffer may be too full for the records of a step
+    if code.integrator.events:  # the buffer of records may be too full for the next step
         is_spent = is_spent | (code.arguments[SLOT.recorded] > code.of.full)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W):

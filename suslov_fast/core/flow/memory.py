@@ -125,7 +125,7 @@ def rows_of_work(integrator):
         at_end=D if is_implicit else 0,  # right side of equations with `of_end`, behind them
         taken=1,  # length of this step
         signed=1,  # length of this step, with the sign of time
-        aside=1,  # 1 where this step is a step aside
+        aside=1,  # 1 where this step is a step aside, see `step_length`
         accepted=1,  # 1 where the step is taken, else 0
         alerts=1,  # 1 where `growing_components` has to look at the step
         served=1,  # 1 where a step aside has reached its time, else 0

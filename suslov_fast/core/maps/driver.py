@@ -119,7 +119,7 @@ class _Driver:
             sign_bit = (self.slots[SLOT.budget] - 1) >> 63
             is_spent = sign_bit.equals(1)  # the budget is 0 or negative
             with text.when(is_spent, likely=False):
-                self.slots[SLOT.line] = lo  # where the next call goes on
+                self.slots[SLOT.line] = lo  # the line with which the next call continues
                 for key in ("n", "stage", "until", "row"):
                     self.slots[getattr(SLOT, key)] = getattr(now, key)
                 text.leave(f"i64 {DONE}")

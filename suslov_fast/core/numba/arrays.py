@@ -28,7 +28,7 @@ class Uncounted(types.Array):
 @register_model(Uncounted)
 class _Model(models.ArrayModel):
     def traverse(self, builder):
-        return []  # no references
+        return []  # these arrays hold no references
 
 
 def uncounted_type(kind):

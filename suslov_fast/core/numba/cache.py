@@ -79,7 +79,7 @@ def _files_of(py_function):
                 # Two processes that write at once may exchange the code of two signatures.
                 return code if code and tuple(code.signature.args) == tuple(signature) else None
             with suppress(OSError):
-                self.flush()  # the index: `save_overload` would read it
+                self.flush()  # empties the index, which `save_overload` would read
             return None
 
         def save_overload(self, signature, data):

@@ -123,7 +123,7 @@ def advice_on_numba():
 # ------------------------------------------------------------------------- before it is compiled
 # Seconds of calls without compiled code, after which compiling it is worth its time.
 WARM_UP = 1.0
-# Seconds for a number of a step in NumPy; a NumPy call costs as much as these trajectories.
+# Seconds for a number of a step in NumPy. A call costs as much as _CALL_IN_NUMPY trajectories.
 _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 
@@ -215,7 +215,7 @@ for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
 def inlined(py_func):
     """Return a function that Numba compiles as a part of its callers."""
     compiled = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})(py_func)
-    if config.DISABLE_JIT:  # it is the Python function
+    if config.DISABLE_JIT:  # then `compiled` is the Python function
         compiled.py_func = py_func
     return compiled
 

@@ -103,7 +103,7 @@ def fill_systems(c, b, a, begin, lanes):
                     a[i, j, l - begin] = b[ROW_W, l] * c[W, j, l] - b[ROW_I, l] * c[I_, j, l]
                 for l in range(begin, begin + lanes):
                     b[OTHERS, l] += c[I_, j, l] * c[W, j, l]
-        for l in range(begin, begin + lanes):  # without w_i, which cancels in p - I_i w_i
+        for l in range(begin, begin + lanes):  # w_i is absent, because it cancels in p - I_i w_i
             a[i, i, l - begin] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
 
 

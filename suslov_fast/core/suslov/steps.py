@@ -106,7 +106,7 @@ def fill_frames(b, lanes, first, width, parameters):
     """Fill lanes with the bodies of `width` trajectories from `first` on; others repeat `first`."""
     for l in range(lanes):
         fill_parameters(b, l, BODY, parameters, first + (l if l < width else 0))
-    for l in range(LANES if lanes > 1 else ONE):  # constants, for SIMD
+    for l in range(LANES if lanes > 1 else ONE):  # constant lengths, for SIMD
         fill_frame(b, l)
 
 
@@ -120,7 +120,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     for l in range(lanes):
         i = first + (l if l < width else 0)
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
-    full = LANES if lanes > 1 else ONE  # constants, for SIMD
+    full = LANES if lanes > 1 else ONE  # constant lengths, for SIMD
     plains, flagged = ZERO, ZERO
     for l in range(full):
         start_lane(b, l)

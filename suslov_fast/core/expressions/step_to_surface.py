@@ -21,7 +21,7 @@ def aim_of(f, surfaces, is_implicit):
 
     The program reads the state, f times the sign of time, sides and levels of the surfaces of
     events (see `flow.memory`), and the table of f. `is_implicit` is True for ends of implicit
-    steps. The results are
+    steps. Its results are
 
     1. the least time to a surface, negative if the state is just beyond it,
     2. the longest time since a crossing: 0 without a crossing, infinity if the rate leads back or

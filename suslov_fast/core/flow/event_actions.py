@@ -335,8 +335,8 @@ def most_records(events, equal):
 def _act_at_surfaces(code, is_there, by_motion, again):
     """Let events act on the surfaces that a state has crossed, until no event acts.
 
-    `is_there` marks lanes in which events may act, and `by_motion` lanes in which the step, not an
-    action, led there. `again` receives results of `AGAIN`.
+    `is_there` marks lanes in which events may act. `by_motion` marks lanes in which the step, not
+    an action, led to the surfaces. `again` receives results of `AGAIN`.
     """
     text, work, events = code.text, code.work, code.integrator.events
     _look_at_end(code)

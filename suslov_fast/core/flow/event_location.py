@@ -314,8 +314,8 @@ def cut(code, before, total):
 def _look_at_points(code, length, from_start):
     """Return the first crossing between POINTS of a step (results of `LOOK`).
 
-    `length` is the length of the step. `from_start` marks lanes that know no shorter step without a
-    crossing: there the state after the crossing becomes the row `beyond`.
+    `length` is the length of the step. `from_start` marks lanes in which no step without a crossing
+    is known. In these lanes the state after the crossing is copied to the row `beyond`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     count, pair, point, points = integrator.surfaces, work.between, work.point, work.points
@@ -395,7 +395,7 @@ def _aim(code, inputs, searches, from_start):
     `aim` is the length of a step to the surface, `since` the time since the earliest crossing,
     `place` the fraction of the step at the first crossing, `left` the time left to a surface of an
     event. `inputs` are the inputs so far. `searches` marks lanes that sought a surface before this
-    step, `from_start` lanes that know no shorter step without a crossing.
+    step, `from_start` lanes in which no step without a crossing is known.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))

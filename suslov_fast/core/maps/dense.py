@@ -1,7 +1,7 @@
 """Steps of fields whose elimination fills most of the matrix, such as dense or Galerkin systems.
 
-Lanes solve A(x) x_next = x + (eps/2) l x + eps c without row exchanges. A(x) is filled by columns,
-to read each coefficient once. If a lane loses digits, `pivoting.solve_lane` takes its step.
+Lanes solve A(x) x_next = x + (eps/2) l x + eps c (`pivoting`) without row exchanges. A(x) is filled
+by columns, to read each coefficient once. If a lane loses digits, `pivoting.solve_lane` is used.
 """
 
 import functools

@@ -70,9 +70,9 @@ def _plan_of(indices, D):
 class Step:
     """The operations of a step of fields with terms v x_j x_k of f_i at `indices` (3, T): i, j, k.
 
-    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination takes too
-    many products, there are no operations: loops take all steps (`maps.dense`), or SuperLU for
-    large sparse fields (`maps.superlu`).
+    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination needs too
+    many products, there are no operations. Then loops compute all steps (`maps.dense`), or SuperLU
+    for large sparse fields (`maps.superlu`).
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need

@@ -5,7 +5,7 @@ x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x).
 A field consists of terms. With one more component, x_D = 1, all terms are quadratic, and f_i is the
 sum of its v x_j x_k, j <= k. The indices of the terms determine the expression program of a step
 (`kahan_step`), and `stage_code` makes machine code of it. If the increment cancels the state, or
-elimination loses digits, `pivoting_step` takes the step. A step of other methods has several
+elimination loses digits, `pivoting_step` repeats it. A step of other methods has several
 stages, which are steps by fractions of eps (`stages`). States are in lines of W lanes,
 x[line, component, lane]. After a failure a trajectory is NaN.
 

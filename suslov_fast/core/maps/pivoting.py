@@ -144,8 +144,8 @@ def arguments_of(arrays, state_D, first):
 def pivoting_step(address, line, bad, signs, n):
     """Take stage n of the lanes of a line with bits in `bad`; record failures and poles.
 
-    `address` is the address of the `LineArguments`. The other lanes have taken this stage: bit l of
-    `signs` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
+    `address` is the address of the `LineArguments`. The other lanes have finished this stage: bit l
+    of `signs` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
     """
     a = array_at(address, (_COUNT,), np.int64)
     lines, W, T = a[PLACE.lines], a[PLACE.W], a[PLACE.T]

@@ -78,8 +78,8 @@ def loader(text, step, for_each, state, table):
 def text_of_stage(step, name, *_):
     """Return LLVM's text of i64 name(x, table), which takes a stage of one state in place.
 
-    x is the address of the state (D,), `table` of the table values of `step`. The code returns 1,
-    and leaves x, if the stage is not accurate; otherwise bit 8 of its result is 1 if det A < 0.
+    x is the address of the state (D,), `table` of the table values of `step`. If the stage is not
+    accurate, the code returns 1 and leaves x; otherwise bit 8 of its result is 1 if det A < 0.
     """
     text = Code(1)
     text.begin(name, "x", "table")

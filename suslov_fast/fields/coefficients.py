@@ -124,7 +124,7 @@ def _product(a: Polynomial, b: Polynomial) -> Polynomial:
 
 
 def _quotient(a: Polynomial, b: Polynomial) -> Polynomial | None:
-    if b.keys() != {()}:  # also a quotient by 0
+    if b.keys() != {()}:  # b depends on variables, or is 0
         return None
     return {m: c / b[()] for m, c in a.items()}
 

@@ -30,7 +30,8 @@ _INSTRUCTIONS = {
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
-# A longer constant is written as an equal ratio if there is one with at most this denominator.
+# A constant of more than _LONGEST_DECIMAL characters is written as a ratio if a ratio with a
+# denominator up to _MOST_DENOMINATOR equals the constant.
 _LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999
 _NONE: dict[float, Fraction] = {}
 # How tightly signs bind, in the order of Python.

@@ -25,7 +25,7 @@ Rows = Sequence[Sequence[tuple[dict[Values, Any], dict[Values, Any]]]]
 
 # Fixed numbers that replace letters (eps first), and serve as random numbers.
 EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
-EXTRA = 10  # number of equations minus number of unknowns
+EXTRA = 10  # systems have so many more equations than unknowns
 DRAWS = 8  # primes that are tried until two of them give the same result
 _LONG = 2**20  # floats that stand for decimals such as 0.1 have larger denominators
 _WHOLE = 2**53  # all floats above this number are integers

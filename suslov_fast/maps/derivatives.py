@@ -109,7 +109,7 @@ class _Part:
         B, self.D = x.shape
         self.where, self.n = where, 0
         extended = scheme.step.extended
-        self.by_numpy = not extended.usual  # too long for a program
+        self.by_numpy = not extended.usual  # the step is too long for a program
         of_step = scheme if self.by_numpy else Scheme(extended, scheme.stages)
         self.arguments, self.notes = (of_step, values, eps), _no_notes(B)
         # The state, orthonormal columns, and the sums of logarithms of their lengths.

@@ -249,7 +249,7 @@ def to_tolerance(
     else:
         result = empty_result(x, len(times)).without_steps(np.isnan(x[:, 0]))
     if len(times) and times[0] == 0.0:
-        # After events the engine saves this state, unless a solution has no value.
+        # With events the engine saves the states at time 0, except where f has no value at x0.
         kept = result.all_ends.status == Status.NONFINITE if has_events else slice(None)
         result.states[0, kept] = x[kept]
     return result if places is None else result._replace(states=result.states[places])

@@ -27,7 +27,7 @@ _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
 _FEW = 64  # up to so many numbers Python finds the largest faster than NumPy
 _RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of settings with a float rtol alone
-# What solutions do that stop before the last time: the verb of a sentence about them.
+# By status, the verb of a sentence about solutions that stop before the last time.
 CAUSES = {
     Status.ENDED: (
         "end: they escape to infinity, reach a pole, or f, a derivative that is asked for or the "

@@ -23,12 +23,12 @@ from .events import checked_events
 from .motion_arguments import checked_settings
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
-_AT_REST = 1e-6  # part of its size by which a state at rest may change in a period
+_AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
 _NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
 _TURNS = 12  # the most turns in a period
 _SAME = 1e-6  # the largest distance of two turns, in ranges of the orbit
 _FAR = 0.5  # distance between orbit and x0, in ranges of the orbit, that causes a warning
-_ROUGH = 1e-8  # tolerance of the search for a near return
+_ROUGH = 1e-8  # the least tolerance of the search for a near return
 _LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0
 
 

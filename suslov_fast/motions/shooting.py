@@ -311,7 +311,7 @@ def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float
         returns = ~recedes[:-1] & recedes[1:] & (near[:-1] | near[1:]) & was_away[:-1]
         for k in np.flatnonzero(returns).tolist():
             first, length = 0.0, times[min(k + 2, len(times) - 1)] - times[k]
-            for _ in range(2):  # closer around the nearest point
+            for _ in range(2):  # each round searches closer around the nearest point
                 inside = first + length * _INSIDE
                 ways = (flow.states(states[k], inside)[:, moving] - start[moving]) / scale
                 distances = np.sqrt((ways**2).mean(axis=1))

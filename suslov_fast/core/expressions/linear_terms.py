@@ -8,7 +8,7 @@ import numpy as np
 
 from .programs import depending
 
-_MOST_TERMS, _MOST_FACTORS = 4096, 8  # longer products are not expanded
+_MOST_TERMS, _MOST_FACTORS = 4096, 8  # the most terms and factors of a product that is expanded
 _ROUNDING = 1e-14  # rounding error of a coefficient, relative to the sum of the moduli of its parts
 
 

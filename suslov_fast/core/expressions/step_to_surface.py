@@ -13,7 +13,7 @@ from .programs import Expressions, emitted, program_of
 from .rounding import sizes_of
 from .values import larger, operand_of, smaller
 
-SOONER = 2.0**-22  # factor of the time to a surface on which a state is, except for its errors
+SOONER = 2.0**-22  # factor of the time to a surface if the distance from the surface is noise
 
 
 def aim_of(f, surfaces, is_implicit):

@@ -180,7 +180,7 @@ class ExplicitColumns(FunctionCode):
         b = {i: rows_b[i] for i in B}
         f = self.value(of_a, b, table)
         a = added({i: rows_a[i] for i in A}, double, f)
-        for i in A:  # before f(a) is computed: registers are few
+        for i in A:  # stored before f(a) is computed, because registers are few
             rows_a[i] = a[i]
         f = self.value(of_b, a, table)
         for i, value in added(b, factor, f).items():

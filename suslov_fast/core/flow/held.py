@@ -79,7 +79,7 @@ class Plan(NamedTuple):
     records: int
     size: int
     size_of_record: int
-    # In the rows:
+    # Places in the rows:
     t: int
     lane_state: int
     at: int  # the time at which actions accumulate
@@ -136,7 +136,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     constants = np.concatenate([*others, *parts], axis=None)
     most = max(of_this, *(integrator.work.size for integrator in integrators))
     sizes = [_ARGUMENTS, 2, f.D, *map(len, parts), len(f.table), most, most, at_once]
-    # In the order of `Plan`.
+    # The entries are in the order of `Plan`.
     plan = [codes[len(modes) - 1], of_again[0], of_again[-1], of_table, integrators[0].is_bounded]
     plan += [f.columns - len(by), f.columns, f.of.D, _CLOCKS + 2 * len(f.offsets)]
     plan += [ends[0], ends[1], ends[2] * bool(f.events), ends[3]]

@@ -50,7 +50,7 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
     place = multiple * seeds
-    part = place - place.then("floor") - 0.5  # as if by chance
+    part = place - place.then("floor") - 0.5  # as good as a random number
     return {"beside": (counts > 0.0).select(state + BESIDE_SIZE * part * size + move, later)}
 
 

@@ -152,7 +152,7 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
     c_nu = select(passes, -ahead * root * d22_passes, square * nu)
     b1, b2 = steady(g1, g2, h1, h2, b_x, b_nu)
     c1, c2 = steady(g1, g2, h1, h2, c_x, c_nu)
-    # b and c of an orbit that turns, for any g; they cancel next to ell = 0.
+    # b and c of an orbit that turns, for any g; terms of b and c cancel next to ell = 0.
     i1 = -2.0 * ahead * ((k * b[TURN1, l]) * w2 + R2 * h2)
     i2 = 2.0 * ahead * ((k * b[TURN2, l]) * w1 + R2 * h1)
     back1, back2 = steady(g1, g2, h1, h2, R2 * (ell + k), -(R2 * nu))

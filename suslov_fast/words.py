@@ -3,8 +3,8 @@
 from collections.abc import Collection
 from difflib import get_close_matches
 
-# Rows: words, compared without underscores and capitals; the names to use, if the function or object
-# has one of these names; and what to use otherwise.
+# Rows: words, compared without underscores and capitals; the names to use, if the function or
+# object has one of these names; and what to use otherwise.
 TABLE = (
   ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition",
    "x0 omega0 near states[0] state", ""),

@@ -271,7 +271,7 @@ class _Germs:
         if degree > 1:
             self._point, count = self._point_of_curve(), plane.count(number)
         gradient = self._values(self._slopes(self._curve), self._point)
-        # The first germ if the curve is a line; [] for other curves.
+        # The first germ if the curve consists of lines; [] for other curves.
         self.first = self._across_line(gradient) if degree == count else []
         if self.first and _order_in_t(self._values([self._curve], self.first, 2)[0], 2) != 1:
             self.first = []

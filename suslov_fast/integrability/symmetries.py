@@ -189,7 +189,7 @@ def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> 
     for eigenvalue, _ in matrix.charpoly().roots():
         eigenvectors = arithmetic.null_space(matrix - identity * eigenvalue)
         solution = values @ np.array(eigenvectors[0], object) % p
-        # An eigenspace of dimension 2 or more gives no solution; in solutions the monomial 1 is not 0.
+        # An eigenspace of dimension 2 gives no solution; in a solution the monomial 1 is not 0.
         if len(eigenvectors) == 1 and solution[0]:
             scale = pow(int(solution[0]), -1, p)
             yield [int(solution[row[unit]]) * scale % p for unit in units]

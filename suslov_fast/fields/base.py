@@ -49,7 +49,7 @@ class Body(Members, metaclass=Answering):
     _shared: ClassVar[Any] = {}  # what all members have in common besides parameters
     _read: ClassVar[Any] = None  # makes a body from its dictionary; by default the class
     _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary without numbers
-    _may_escape: ClassVar[Any] = False  # the energy of a body is constant
+    _may_escape: ClassVar[Any] = False  # False, because the energy of a body is constant
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -136,7 +136,7 @@ def on_level(
 class _Solved(NamedTuple):
     """Equations of a level: x_k = N / Q for (k, N, Q) in `steps`, and the `unsolved` equations."""
 
-    steps: list[tuple[int, Any, Any]]  # number of a variable, numerator and denominator of it
+    steps: list[tuple[int, Any, Any]]  # number of a variable, its numerator and its denominator
     unsolved: list[Any]
     variables: list[int]  # variables that unsolved equations may contain
 
@@ -262,7 +262,7 @@ class _Equations:
         The line is x + s d. The coordinates `kept` of d are x1, x2 and 1; its others are 0.
         """
         one = self.plane.constant(1)
-        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in the other ring
+        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in `plane`
         d = [0 * one] * len(x)
         for k, a in zip(kept, (*self.plane.gens()[-2:], one), strict=True):
             d[k] = a

@@ -192,7 +192,7 @@ class Event:
         entries = dict(description)
         definitions = entries.pop("definitions", {})
         if (times := entries.get("times")) is not None:
-            entries["times"] = np.array(times, np.float64)  # None is NaN
+            entries["times"] = np.array(times, np.float64)  # None becomes NaN
         event = cls(**entries)
         vars(event)["_definitions"] = dict(definitions)
         return event

@@ -155,7 +155,7 @@ class Page:
         document.title = "suslov_fast"
         document.add_root(equations)
         controls = column(row(*choices), *sliders, reset, message, width=_WIDTH + 10)
-        parts = [controls, plane, over_time]  # one below the other in a narrow window
+        parts = [controls, plane, over_time]  # parts are one below the other in a narrow window
         wraps = {"flex-wrap": "wrap"}
         document.add_root(row(parts, sizing_mode="stretch_width", styles=wraps))
 

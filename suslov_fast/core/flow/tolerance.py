@@ -27,7 +27,7 @@ SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**
 # An error may be noise if it is less than NOISY of the largest component.
 NOISY = 2.0**-48
 CAUTION = 4.0  # factor of the error estimate of `stormer`
-# Inputs that are TINY for a component of which steps have relative digits.
+# Inputs that are TINY for a component with relative digits.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
 

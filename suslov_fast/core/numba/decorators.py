@@ -324,7 +324,7 @@ class Kernel(Tiered):
         numbers = x0.shape[1] * (trajectories + _CALL_IN_NUMPY) * (states + 2)
         if not self.is_warming_up(_IN_NUMPY * numbers) or self._is_kept(arguments):
             return False
-        with suppress(MemoryError):  # the kernel needs less memory
+        with suppress(MemoryError):  # the kernel needs less memory than NumPy
             return self.interpret(self.in_numpy, *arguments)
         return False
 

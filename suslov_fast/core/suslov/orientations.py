@@ -41,7 +41,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
     for block in range(first_block, last_block):
         begin, row = block * lanes, next_row
         width = min(lanes, B - begin)
-        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+        for l in range(lanes):  # lanes beyond the last trajectory repeat this trajectory
             k = min(begin + l, B - 1)
             c[QUARTER, l] = 0.25 * eps[k % len(eps)]
             for i in range(D + 1):

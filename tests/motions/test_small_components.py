@@ -316,9 +316,10 @@ def test_a_second_try_that_ends_is_no_answer():
     np.testing.assert_allclose(motion.states[-1, 2], np.cos(5.5), rtol=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore:.* solutions end")
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6])
 def test_relaxation_oscillations_jump_at_the_right_time(rtol):
-    """Tyson's oscillator: small components decide when it jumps."""
+    """Tyson's oscillator: small components decide when it jumps. It may end at its pole."""
     least, most = [-2.3, -0.2, -3.5], [-1.5, 0.3, -2.5]
     e, w, q = 10 ** np.random.default_rng(8).uniform(least, most, (40, 3)).T
 
@@ -333,7 +334,8 @@ def test_relaxation_oscillations_jump_at_the_right_time(rtol):
         for r, a in ((rtol, None), (1e-11, 0))
     )
     allowed = max(1e-3, 100 * rtol) * abs(right) + 100 * rtol * abs(right).max(axis=0)
-    assert np.count_nonzero((abs(found - right) > allowed).any(axis=(0, 2))) <= 2
+    is_right = (abs(found - right) <= allowed).all(axis=(0, 2))
+    assert np.count_nonzero(~is_right) <= 2
 
 
 def test_with_atol_0_ends_are_told_how_to_go_on():

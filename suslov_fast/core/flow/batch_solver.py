@@ -63,7 +63,7 @@ class SolverRequest(NamedTuple):
 
 @functools.lru_cache(64)
 def components_of(f, settings):
-    """Return the array (6, D) of `ComponentNumbers` of each component of f."""
+    """Return the array (8, D) of `ComponentNumbers` of each component of f."""
     atol = settings.atol
     is_clock = np.zeros(f.D, bool)
     is_clock[[*f.clocks]] = True
@@ -72,6 +72,8 @@ def components_of(f, settings):
     found[COMPONENT.counts] = ~is_clock
     found[COMPONENT.steady, [*f.steady]] = 1.0
     found[COMPONENT.keeps, [*f.of_one_sign]] = 1.0
+    floors = [floors_of(settings.rtol, keeps) for keeps in found[COMPONENT.keeps]]
+    found[COMPONENT.floor], found[COMPONENT.floor_implicit] = np.transpose(floors)
     some = [some_of(settings.rtol, keeps) for keeps in found[COMPONENT.keeps]]
     found[COMPONENT.some] = np.where(is_clock, np.inf, some)
     found[COMPONENT.seeds] = 2.0**-10 * np.cos(2.0 * np.arange(f.D) + 1.0)
@@ -83,8 +85,6 @@ def numbers_of(settings, sign):
     """Return `SharedNumbers`, which all lanes share, as an array; `sign` of time is 1 or -1."""
     return array("d", SharedNumbers(
         rtol=settings.rtol,
-        floor=floors_of(settings.rtol)[0],
-        floor_implicit=floors_of(settings.rtol)[1],
         last=inf,
         sign=sign,
         part=first_part(settings.rtol),

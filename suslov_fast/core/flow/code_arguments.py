@@ -33,6 +33,8 @@ class ComponentNumbers(NamedTuple):
     counts: float  # 0 for clocks, 1 for other components
     steady: float  # 1 for components of a constant rate, else 0
     keeps: float  # 1 for components that keep their sign, else 0
+    floor: float  # for allowed errors of explicit steps, see `tolerance.floors_of`
+    floor_implicit: float  # for allowed errors of implicit steps, see `tolerance.floors_of`
     some: float  # least relative error that may cost digits, see `growing_components.some_of`
     seeds: float  # seed of the power iteration, see `linearly_implicit`
 
@@ -41,8 +43,6 @@ class SharedNumbers(NamedTuple):
     """Numbers that all lanes share: tolerance, last time, limits of steps and of crossings."""
 
     rtol: float
-    floor: float  # for allowed errors of explicit steps, see `tolerance.floors_of`
-    floor_implicit: float  # for allowed errors of implicit steps, see `tolerance.floors_of`
     last: float  # modulus of the last time
     sign: float  # 1 or -1, forward or backward in time
     part: float  # relative change of x in the first step, see `step_length.first_part`

@@ -203,8 +203,7 @@ def _set_again(system, tries, memory, x, relative):
     """Set numbers for a motion that is computed again; `relative` is -1 or 0 for each component."""
     plan, constants, D = system.plan, system.constants, system.plan[PLAN.D]
     numbers = memory[plan[PLAN.numbers] :]
-    of_rtol = NUMBER.rtol, NUMBER.floor, NUMBER.floor_implicit, NUMBER.part
-    for k in (*of_rtol, NUMBER.limit, NUMBER.many):
+    for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many):
         numbers[k] = constants[plan[PLAN.numbers_again] + k]
     if tries >= _ALL:
         numbers[NUMBER.acts] = 0.0

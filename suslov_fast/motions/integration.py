@@ -277,13 +277,16 @@ def _of_group(
 
 def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
     """Return the `SolverResult` of a run from `starts` (B, D)."""
+    records = _rows_of(engine.records, starts, engine.request)
+    ends_early = np.count_nonzero(engine.state != LaneState.DONE) or engine.is_stopped
+    if not (ends_early or np.count_nonzero(engine.doubtful)):
+        return SolverResult(engine.states, engine.columns, records=records)
     ends = Ends(
         t=np.where(engine.state == LaneState.DONE, np.nan, engine.request.sign * engine.t),
         status=STATUS[engine.state],
         doubtful=FELL * engine.doubtful,
         repeated=np.zeros(len(starts), np.int8),
     )
-    records = _rows_of(engine.records, starts, engine.request)
     return SolverResult(engine.states, engine.columns, ends, records, is_stopped=engine.is_stopped)
 
 
@@ -325,8 +328,9 @@ def _again(
         t, last = plain.all_ends.t, result.all_ends.t[where]
         (lasts,) = np.nonzero(np.isnan(t) | (abs(t) > LATER * abs(last)))
         part = plain.part(lasts)
-        part.all_ends.doubtful[:] = NO_DIGITS
-        result = result.again(where[lasts], part)
+        ends = part.all_ends
+        ends.doubtful[:] = NO_DIGITS
+        result = result.again(where[lasts], part._replace(ends=ends))
     result.all_ends.repeated[first] = 1
     return result
 

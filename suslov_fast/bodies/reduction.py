@@ -86,9 +86,10 @@ class Reduction:
         return self._chosen(u, r, size)
 
     def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the states (..., m) with coordinates (..., size) and the directions of omega.
+        """Return states (..., m) of the body for `states` (..., size) of the smaller body.
 
-        States are NaN where r is not 0 but the part of omega in E0 is 0, and has no direction.
+        They take their directions from omega, and are NaN where the part of omega in a space is 0,
+        so that it has no direction, but the coordinate of this space is not 0.
         """
         _, r, direction = self._directions(omega)
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))

@@ -145,8 +145,8 @@ _RULES: dict[str, Callable[..., Any]] = {
 def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> Any:
     """Return the value of a function of constants, None for other operands.
 
-    If the condition of a `select` is constant, its other operands may be polynomials. Truth values
-    are arrays.
+    If the condition of a `select` is constant, its other operands may be polynomials. A truth value
+    is returned as an array.
     """
     if name == "select" and not isinstance(operands[0], dict):
         condition, *(a, b) = operands

@@ -115,7 +115,7 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor, with zeros modulo p, of the equation of curve `number`; else None.
+        """Return a factor of the equation of curve `number` that has zeros modulo p, or None.
 
         A curve may consist of conjugate lines, which are contracted to different points.
         """

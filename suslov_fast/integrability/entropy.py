@@ -39,8 +39,8 @@ class Contraction:
     """A curve that a map contracts to a point, and the orbit of this point.
 
     Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
-    `length` is the number of points from the image of the curve to the last one without an image;
-    else None. `how` says how this was decided, and `proved` whether it is a proof.
+    `length` is the number of points from the image of the curve to the point that has no image;
+    otherwise it is None. `how` says how this was decided, and `proved` whether it is a proof.
     """
 
     curve: str

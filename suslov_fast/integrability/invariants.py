@@ -373,7 +373,7 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     basis = with_independent_limits(echelon)
     candidates = {str(P): P for P in (*basis, *echelon)}
     if letters_in(basis[0]) <= (1 if preferred else _LETTERS):
-        with contextlib.suppress(ArithmeticError):  # a special number, or only reducible members
+        with contextlib.suppress(ArithmeticError):  # an unlucky random number, or all are reducible
             candidates |= {str(P): P for P in reducible_members(echelon)}
     first = {str(P): P for P in map(without_content, preferred) if rank([*space, P]) == len(space)}
     candidates |= first

@@ -202,7 +202,7 @@ class KahanMap(RationalMap):
         return self._solution[-1]
 
     def _determinant(self) -> RationalFunction | None:
-        # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
+        # det DPhi = det A(F; -eps) / (F_0^D det A(x; eps)), with det A homogeneous of degree D.
         backward = factored(cramer(self.inverse._system(self.variables))[-1])
         determinant = RationalFunction((), backward.constant) / factored(self.denominator)
         determinant /= factored(self.forms[-1]) ** backward.degree

@@ -326,7 +326,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         for _ in range(len(exponents) + EXTRA):
             x = arithmetic.random_point(D, p, rng)
             quotient = integral.value(at_number, x)
-            # numerator - quotient denominator = 0
+            # numerator - quotient * denominator = 0
             rows.append(monomial_values(exponents, [*x[:-1], -quotient]))
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []

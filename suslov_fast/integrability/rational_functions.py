@@ -312,7 +312,7 @@ def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) ->
     text = decoded(str(P))
     if longest is not None and len(text) > longest:
         text = f"[degree {degree_of(P)}, {len(P)} terms]"
-    elif not is_one_polynomial and not re.fullmatch(r"[^\W\d]\w*|\d+", text):  # a name or number
+    elif not is_one_polynomial and not re.fullmatch(r"[^\W\d]\w*|\d+", text):  # no name, no number
         text = f"({text})"
     return f"{text}^{e}" if e > 1 else text
 

@@ -221,7 +221,7 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
     moving = ~motion.drifts
     end = motion.states(x, [last])[0]
     rate = abs(field(end))[moving].max()
-    # Until the time 2 `last` a state at rest would move by a small part of its way so far.
+    # At this rate it would move, until the time 2 `last`, by a small part of its way from x.
     is_at_rest = rate * last <= _AT_REST * abs(end - x)[moving].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
 

@@ -146,7 +146,8 @@ class EventSet(NamedTuple):
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets
-    tau{k}     reads the state, v, and f before the event; its result is tau
+    tau{k}     reads the state, v, and f before the event; its result is tau, the derivative of the
+               time of the event
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
 
     `tau{k}_{q}` and `column{k}_{q}` are for a column with respect to parameter q, and also read its

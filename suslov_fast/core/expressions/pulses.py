@@ -18,11 +18,11 @@ _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "sele
 
 
 class _Wave(NamedTuple):
-    """Bounds of a function of waves, `Number`s.
+    """Bounds of a function of waves sin(a) and cos(a), or of a function linear in clocks.
 
-    size  of its modulus; for a function linear in clocks, of its rate
-    rate  of a'**2 for the fastest wave; None for a function linear in clocks
-    d     of the sharpness d of its pulses; None for a function linear in clocks
+    size  bound of the modulus of the function; if it is linear in clocks, of its rate
+    rate  bound of a'**2 for its fastest wave; None if it is linear in clocks
+    d     bound of the sharpness d of its pulses; None if it is linear in clocks
     """
 
     size: Number

@@ -138,17 +138,17 @@ class SlidingEquations(_Rates):
     """Equations with modes, for D components and P parameters; `values` are `Expressions`.
 
     `actions` are the `EventAction`s of events, events on surfaces first; some are contacts (see
-    `contacts`). `sign` is the sign of the time. A mode is infinite if no combination of modes is
-    consistent, or several.
+    `contacts`). `sign` is the sign of the time. A mode is infinite if no
+    combination of modes is consistent, or if several combinations are.
 
     size      how many new components there are; 0 if no solution slides or rests
-    count     how many modes of surfaces: components D, D + 1, ...; then there are modes of contacts
-              and, if there are contacts, T / (1 + T), with the last time T, and the time
+    count     how many modes of surfaces there are: components D, D + 1, .... After them come modes
+              of contacts; then, if there are contacts, T / (1 + T), with the last time T, and t
     pairs     the compared operands of each surface
     results   operands of all rates in `values`
     contacts  {number of an event that is a contact: component that is its mode}
     actions   `EventAction`s: of events on surfaces, of modes, of all modes at time 0, others
-    surfaces_of_events  how many of these are of events on surfaces
+    surfaces_of_events  how many of these `actions` belong to events on surfaces
     """
 
     def __init__(self, values, results, D, P, actions=(), sign=1):

@@ -39,8 +39,9 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
 
     `chosen_at` is the time of the last change at which no event `acted` (0). `chosen_often` counts
-    consecutive changes, each within AT_ONCE * t of the change before, with EARLY * `last` in place
-    of a smaller t; after an event it is 0. At BACK_AND_FORTH a lane in the state `mode` is SLIDING.
+    consecutive changes. Each is within AT_ONCE * max(t, `wanted`, EARLY * `last`) of the change
+    before, where `wanted` is the requested time and `last` the last one. An event sets it to 0.
+    When it reaches BACK_AND_FORTH, a lane that is in the state `mode` becomes SLIDING.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)

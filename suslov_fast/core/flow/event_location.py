@@ -79,9 +79,10 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 @scalar_kernel
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """Return `point`, a component at the fraction u of an implicit step, from its quarters minus x.
+    """Return `point`, a component at the fraction u of an implicit step.
 
-    The polynomial of degree 4 through x, the quarters and `new` avoids rates with their fast modes.
+    It lies on the polynomial of degree 4 through x, the states at the quarters of the step (given
+    minus x) and `new`. Rates are not used, because they contain fast modes of stiff equations.
     """
     v = [4.0 * u - float(k) for k in range(5)]
     of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
@@ -94,9 +95,10 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     """Return the first crossing in a step: `crossed` (0 if none), its fraction `place`, and `end`.
 
-    Inputs with these names are from earlier parts of the step. This part has the width `width` and
-    ends at the fraction u. If `crosses` is 1, there is a crossing at the fraction `part` of it, and
-    `end` becomes u. The step length is `taken`. Parts within the length `inner` do not count.
+    Inputs with these names are from earlier intervals of the step. This interval has the width
+    `width` and ends at the fraction u of the step. If `crosses` is 1, there is a crossing at the
+    fraction `part` of the interval, and `end` becomes u. The step has the length `taken`; intervals
+    in its first part, up to the length `inner`, do not count.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
@@ -115,10 +117,10 @@ def CROSSES(
 
     In a search (`searched`) a step crosses a surface if its ends show that (`crosses` is 1), or its
     points show two crossings (`twice` is 1). Other steps begin a search where `starts` is 1. The
-    end is close to the surface (`is_close`) if both lengths of the search agree to the `accuracy`,
-    or if the time `since` the crossing is less. A step that is not very short (`is_long`) may hide
-    two crossings if `hidden` >= 1 (`hides`), and has too few points for oscillations if `waves` > 1
-    (`has_waves`). Then the length `shorter` is next.
+    end is close to the surface (`is_close`) if `taken` and `inner` agree to the `accuracy`, or if
+    the time `since` the crossing is not more than it. A step that is not very short (`is_long`) may
+    hide two crossings if `hidden` >= 1 (`hides`), and has too few points for oscillations if
+    `waves` > 1 (`has_waves`). Then the length `shorter` is next.
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last

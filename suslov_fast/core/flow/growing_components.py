@@ -141,9 +141,10 @@ def KNOWN(new, lost):
 
 @scalar_kernel
 def FED(new, f_new, fed, signed, lost, changes, left):
-    """Return `lost`, or 0 if components with digits feed this one; then `changes` is 1.
+    """Return the next `lost` of a component: 0 if components that have their digits feed it.
 
-    `fed` is its rate with 0 for components without digits; `left` is the largest `lost`.
+    Then `changes` becomes 1. `fed` is the rate of the component, computed with 0 in place of all
+    components that have lost digits. `left` becomes the largest `lost` that remains.
     """
     own = f_new - fed
     stays = (new < 0.0).select(-own, own) * signed > NEXT * abs(new)

@@ -1,6 +1,7 @@
 """The motion of one state over a given time, for users' compiled loops, in memory that they hold.
 
-Steps and bits are the same as in `BatchSolver`. A call changes between both integrators.
+Steps and bits are the same as in `BatchSolver`. A call may change between the explicit and the
+implicit integrator.
 """
 
 import math

@@ -177,7 +177,7 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Return whether a step is `accepted`, whether a step aside has `served`, and the next rows.
+    """Return whether a step is `accepted`, whether a step aside has `served`, and rows of the line.
 
     `taken` is the length. `ratio` is max error / allowed error, `of_length` the ratio for the next
     length; `apart` is large in false steps. `total` is finite if f_next is, and `kept` is 0 if a

@@ -126,9 +126,9 @@ def _blocks(operations):
 def multiply(text, matrix, values, to):
     """Write the product of a `DenseMatrix` and `values`, then the values, to the `Array` `to`.
 
-    For a single lane the lanes of vectors compute AT_ONCE rows of the matrix at a time; for several
-    lanes the rows at a time are as many as registers hold sums. An entry is 0 + a_i0 v_0 + a_i1 v_1
-    + ..., added in this order.
+    For one trajectory AT_ONCE rows of the matrix are computed at a time, in vectors of rows. For
+    several trajectories as many rows are computed at a time as registers hold sums. An entry is
+    0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order.
     """
     n, m = matrix.matrix.shape
     v = to.from_here(matrix.height)

@@ -501,9 +501,9 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function that adds a loop over `indices`; its argument is `carried` of `each`.
+        """Return a function that adds a loop over `indices`; its argument is `carried`, see `each`.
 
-        Indices that are not consecutive stand in an array, and its address is computed here.
+        Indices that are not consecutive stand in an array; this call computes its address.
         """
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:

@@ -32,8 +32,8 @@ class DriverArguments(NamedTuple):
     trajectories: int = 0
     ended: int = 0  # address of bits of lanes (lines,) that have ended
     passed: int = 0  # address of bits of lanes that have passed a pole or ended
-    status: int = 0  # addresses of the statuses (i8) and of `failed_at`, which maps of one's own
-    failed_at: int = 0  # write, or 0
+    status: int = 0  # address of the statuses (i8), which only steps of a `Map` write; else 0
+    failed_at: int = 0  # address of `failed_at`, which only steps of a `Map` write; else 0
     first: int = 0  # number of the state after the first step
     pivoting_step: int = 0  # address of `pivoting.pivoting_step`, 0 if it is not ready
     pivoting_arguments: int = 0  # address of the arguments of `pivoting_step`

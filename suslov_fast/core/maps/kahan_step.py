@@ -49,8 +49,8 @@ LONGEST_OPTIMISED = 4000
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
 # The most products of parameters alone, which NumPy computes once for each step size.
 LONGEST_ONCE = 400_000
-# The most components of programs with columns, and products of elimination times components. NumPy
-# and LAPACK take larger programs, which LLVM would compile for seconds.
+# Programs with columns have at most MOST_COLUMNS components. The number of components times that of
+# products in an elimination is at most MOST_WORK. NumPy takes larger ones: LLVM would need seconds.
 MOST_COLUMNS, MOST_WORK = 16, 4000
 
 

@@ -1,7 +1,8 @@
 """A step of a map x -> f(x) as an expression program, with columns of derivatives.
 
-For the kernel of steps it is a step of a field, with the parameters of f in place of h v. A step
-exists if all components of f(x) are finite; otherwise the trajectory ends.
+The kernel of steps runs it like a step of a field; the parameters of f stand where a field has its
+coefficients times eps / 2. A step exists if all components of f(x) are finite; otherwise the
+trajectory ends.
 """
 
 import functools

@@ -83,7 +83,7 @@ def _files_of(py_function):
             return None
 
         def save_overload(self, signature, data):
-            with suppress(Exception):  # of any class: pickle, a full disk, the index of another
+            with suppress(Exception):  # any error: of pickle, of a full disk, of a damaged index
                 super().save_overload(signature, data)
                 _delete_stale_files(self.cache_path)
 

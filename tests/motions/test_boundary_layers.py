@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import beta, expit, i0e
+from scipy.special import beta, erf, expit, i0e
 from systems import field
 
 import suslov_fast as sf
@@ -121,6 +121,8 @@ def test_periodic_pulses(name, stiff, rtol, rng):
         lambda a: np.exp2(100 * a),
         lambda a: 1 + np.expm1(a),
         lambda a: 2 * expit(a),
+        lambda a: 1 + erf(a),
+        lambda a: 1 + np.tanh(a),
         lambda a: np.exp(-np.logaddexp(0, -a)),
     ],
 )

@@ -24,6 +24,7 @@ class Function(NamedTuple):
     instruction  its name in expression programs; "" if it is made of others
     formula      if it is made of others: takes a `Number` for each operand, returns the value
     sign         its sign in equations
+    narrows      True if it makes narrow pulses of waves, as exp(100 cos(t)) has them
     """
 
     name: str
@@ -33,6 +34,7 @@ class Function(NamedTuple):
     instruction: str = ""
     formula: Callable | None = None
     sign: str = ""
+    narrows: bool = False
 
     def rule(self, values, *operands):
         """Add this function of `operands` to the program `values`; return the result's operand."""
@@ -75,8 +77,8 @@ def _of_logaddexp(a, b, y):
 
 
 _OF_LISTS = [
-    Function("exp", 1, lambda a, y: y),
-    Function("expm1", 1, lambda a, y: a.then("exp"), True),
+    Function("exp", 1, lambda a, y: y, narrows=True),
+    Function("expm1", 1, lambda a, y: a.then("exp"), True, narrows=True),
     Function("log", 1, lambda a, y: 1.0 / a),
     Function("log2", 1, lambda a, y: (1 / math.log(2.0)) / a),
     Function("log10", 1, lambda a, y: (1 / math.log(10.0)) / a),
@@ -89,20 +91,22 @@ _OF_LISTS = [
     Function("sinh", 1, lambda a, y: a.then("cosh"), True),
     Function("cosh", 1, lambda a, y: a.then("sinh")),
     # This form has more digits than 1 - y**2.
-    Function("tanh", 1, lambda a, y: (1.0 / a.then("cosh")) / a.then("cosh"), True),
+    Function("tanh", 1, lambda a, y: (1.0 / a.then("cosh")) / a.then("cosh"), True, narrows=True),
     Function("arcsin", 1, lambda a, y: _per_roots(1.0 - a, 1.0 + a), True, "asin"),
     Function("arccos", 1, lambda a, y: -_per_roots(1.0 - a, 1.0 + a), False, "acos"),
     Function("arctan", 1, lambda a, y: 1.0 / (1.0 + a * a), True, "atan"),
     Function("arcsinh", 1, lambda a, y: 1.0 / a.then("hypot", 1.0), True, "asinh"),
     Function("arccosh", 1, lambda a, y: _per_roots(a - 1.0, 1.0 + a), False, "acosh"),
     Function("arctanh", 1, lambda a, y: 1.0 / ((1.0 - a) * (1.0 + a)), True, "atanh"),
-    Function("erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True),
+    Function(
+        "erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True, narrows=True
+    ),
     # 1 - y is the value at -a, which has all digits.
-    Function("expit", 1, lambda a, y: y * (-a).then("expit")),
+    Function("expit", 1, lambda a, y: y * (-a).then("expit"), narrows=True),
     Function("floor", 1, lambda a, y: 0.0),
     Function("arctan2", 2, _of_angle, False, "atan2"),
     Function("hypot", 2, _of_hypot),
-    Function("logaddexp", 2, _of_logaddexp),
+    Function("logaddexp", 2, _of_logaddexp, narrows=True),
 ]
 _OF_LISTS = [each._replace(instruction=each.instruction or each.name) for each in _OF_LISTS]
 _POWER = Function("power", 2, _of_power, False, "pow")

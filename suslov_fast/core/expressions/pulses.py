@@ -10,10 +10,11 @@ than five widths lie between two neighbouring points at which f is evaluated.
 from math import inf
 from typing import NamedTuple
 
+from .function_records import RECORDS
 from .values import Number, larger, smaller
 
 REACH, NARROW = 24.0, 16.0  # steps do not miss pulses with d up to NARROW
-_LIKE_EXP = "exp", "expm1", "expit", "sinh", "cosh", "tanh", "erf", "logaddexp"
+_NARROWING = {name for name, record in RECORDS.items() if record.narrows}
 _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")
 
 
@@ -64,7 +65,7 @@ def longest_step(values, f, steady):
             d = larger(d, more[0].d) if is_sum else d + more[0].d
         if is_exponent:  # c**a = exp(a log(c))
             size = size * abs(number(others[0]).then("log"))
-        if name in _LIKE_EXP or is_exponent:
+        if name in _NARROWING or is_exponent:
             d = d * larger(size, 1.0)
         elif name == "pow":
             d = d * larger(abs(number(others[0])), 1.0)

@@ -351,7 +351,7 @@ def _special_values(system: Any, search: Search) -> list[str]:
         special = exact_map(system, None, None) if is_field else map.subs(**map.given)
         check_map(special)
     except (ArithmeticError, TypeError):
-        return [f"At {values} there is no map: the results are those of general letters."]
+        return [f"At {values} there is no map: the results hold for general letters."]
     count = count_relations(special, exponents_up_to(degree, map.dimension)).integrals
     if count <= (search.relations or 0):
         return []

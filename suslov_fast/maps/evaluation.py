@@ -15,7 +15,7 @@ PART = 2**16
 
 
 class Formula(NamedTuple):
-    """How to compute a function of a state, for the map of a class of systems."""
+    """A function of a state, for the map of a class of systems."""
 
     compute: Any  # takes a checked problem, returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a system without the function

@@ -252,7 +252,7 @@ def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: F
         if times.size and not ((sign * times >= 0.0) & (abs(times) <= last)).any():
             warn(
                 f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, "
-                f"count from x0 as those of the motion do, which ends at {sign * last:g}"
+                f"count from x0, as times of the motion do, which ends at {sign * last:g}"
             )
 
 

@@ -128,7 +128,7 @@ class Rows(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """How B trajectories ended."""
+    """The ends of B trajectories."""
 
     t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
     status: NDArray[np.int8]  # (B,)

@@ -133,7 +133,7 @@ class Motion(States):
 
     @property
     def phases(self) -> Phases:
-        """When trajectories begin and end to slide or rest."""
+        """Times at which trajectories begin and end to slide or rest."""
         return phases_of(self._phases, self._surfaces)
 
     @property

@@ -16,7 +16,7 @@ MODES = "leaves", "slides", "rests"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Phases:
-    """When motions begin and end to slide or rest: the attribute ``phases`` of a :class:`Motion`.
+    """Times at which motions slide, rest or leave: the attribute ``phases`` of a :class:`Motion`.
 
     The K entries are ordered by trajectory, then along the motion.
 

@@ -24,7 +24,7 @@ _DARK, _BLUE, _RED = "#404040", "#2c6da4", "#c0392b"
 
 
 class Quantity(NamedTuple):
-    """What a slider changes: a component of a parameter, an option, or an initial value."""
+    """A quantity with a slider: a component of a parameter, an option, or an initial value."""
 
     name: str
     value: float

@@ -50,7 +50,7 @@ class Branches(NamedTuple):
 
     @property
     def jumps(self):
-        """How many parameters hold the branches at which f jumps."""
+        """The number of parameters that hold branches at which f jumps."""
         return sum(surface.parameters for surface in self.surfaces if surface.jumps)
 
 

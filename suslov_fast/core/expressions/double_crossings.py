@@ -84,7 +84,7 @@ class DoubleCrossings(NamedTuple):
 
 
 def double_crossings_of(f, surfaces):
-    """Return the `DoubleCrossings` of a right-hand side f, for its `surfaces` and those of events.
+    """Return the `DoubleCrossings` of f, for its `surfaces` and the surfaces of events.
 
     Surfaces linear in clocks are left out, because a step crosses them once at most.
     """

@@ -86,7 +86,7 @@ def _work(f, components):
 
 
 class _Kind(NamedTuple):
-    """How a value of f depends on the state; some kinds may change unseen between points."""
+    """The dependence of a value of f on the state; some kinds may change unseen between points."""
 
     degree: int = 0  # 0 if the value does not depend on the state, 1 if it is affine, else 2
     has_exp: bool = False

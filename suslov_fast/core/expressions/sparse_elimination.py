@@ -22,7 +22,7 @@ NEAR = 4
 
 
 class ColumnOffsets(NamedTuple):
-    """Where a column begins in the arrays of `Sparse`; it ends where the next column begins."""
+    """The beginning of a column in the arrays of `Sparse`, where the column before it ends."""
 
     entries: int  # where the column begins in `rows` and `numbers`
     pivots: int  # where the column begins in `pivots`

@@ -20,7 +20,7 @@ class Surface(NamedTuple):
 
     @property
     def parameters(self):
-        """How many parameters hold the branch: 4 for a `Table`, else 1."""
+        """The number of parameters that hold the branch: 4 for a `Table`, else 1."""
         return Table.ROWS if is_table(self.kind) else 1
 
     def interval(self, number, places):

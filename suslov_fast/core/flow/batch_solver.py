@@ -49,7 +49,7 @@ def closer(settings):
 
 
 class SolverRequest(NamedTuple):
-    """What a call of the engine asks for: times, settings, threads, limits of crossings."""
+    """The request of a call of the engine: times, settings, threads, limits of crossings."""
 
     times: Any  # (n,), moduli in ascending order
     sign: int  # -1 backwards in time, else 1

@@ -682,7 +682,7 @@ class Code:
         return self.new(f"call {self.V} @{function}({self._typed(operands)})")
 
     def _of_large_angles(self, name, value):
-        """Return sin, cos or tan of %x0: `value`, but that of the C library where %x0 is large."""
+        """Return sin, cos or tan of %x0: `value`, or the C library's where %x0 is large."""
         is_large = abs(Value(self, "%x0")) >= LARGE_ANGLE
         self.declared.add(f"declare double @{name}(double)")
 

@@ -106,7 +106,7 @@ def fill(runs, coefficients, states, columns, a):
     """Fill `a` (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
 
     With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of
-    N, plus x, is the right side. `runs` are those of a `Dense`, and `coefficients` (1 or W, T) are
+    N, plus x, is the right side. `runs` are from a `Dense`, and `coefficients` (1 or W, T) are
     h v in their order; `columns` (W, D + 1, D) is memory for N.
     """
     W, D = states.shape

@@ -108,7 +108,7 @@ class Step:
 
     def _begin(self, indices, D):
         self.indices, self.T = indices, indices.shape[1]
-        self.D = self.state_D = D  # components, and those of x without columns
+        self.D = self.state_D = D  # components, and components of x without columns
         self.of_one_sign = of_one_sign(indices)
         self.values = Values(D + self.T, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []

@@ -92,7 +92,7 @@ def is_ordinary(w1, w2):
 def unit_of(w1, w2, k):
     """Return a power of two about as large as a state: in this unit its square is in range.
 
-    The orbit in this unit is that of omega / unit, k / unit and eps * unit.
+    The orbit in this unit is the orbit of omega / unit, k / unit and eps * unit.
     """
     _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
     least = select(k == 0.0, -800, 0)  # in a smaller unit k**2 may be out of range

@@ -355,3 +355,22 @@ def test_with_atol_0_ends_are_told_how_to_go_on():
     assert motion.ok.all()
     assert len(motion.events.time) == 40
     np.testing.assert_allclose(motion.states, right.states, rtol=1e-7)
+
+
+@pytest.mark.parametrize("B", [1, 100])
+def test_solutions_below_the_normal_numbers_are_told_though_none_ends(B):
+    """exp(357 (cos(t) - 1)) falls to 1e-310, which has few digits, and should return to 1."""
+    dip = field(lambda s: (-357 * np.sin(s[1]) * s[0], 1.0), "x t")
+    with pytest.warns(UserWarning, match=f"{B} of {B} .*1e-300"):
+        motion = sf.flow(dip, np.tile([1.0, 0.0], (B, 1)), time=2 * np.pi, atol=0)
+    assert motion.ok.all()
+    assert (abs(motion.final[:, 0] - 1) > 1).all()
+
+
+def test_populations_at_loose_tolerances():
+    """Their floor of 1e-6 keeps x + y - log(x y); with rtol its error is three times as large."""
+    prey = field(lambda s: (s[0] - s[0] * s[1], s[0] * s[1] - s[1]), "u v")
+    starts = np.repeat(np.linspace(3.0, 9.0, 40), 2).reshape(40, 2)
+    motion = sf.flow(prey, starts, time=100.0, rtol=1e-4)
+    conserved = (motion.final - np.log(motion.final)).sum(axis=1)
+    np.testing.assert_allclose(conserved, (starts - np.log(starts)).sum(axis=1), rtol=6e-4)

@@ -239,12 +239,13 @@ def solved(
     for name, column in result.columns.items():
         arrays[name] = column.reshape(batch)
     motion = Motion._of(arrays)
-    attributes = vars(motion)
-    attributes.update(_named(settings), body=body, _by=names, **phases)
+    vars(motion).update(_named(settings), body=body, _by=names)
+    if phases:
+        vars(motion).update(phases)
     if events:
-        attributes["_records"] = result.records, events, request.most
+        vars(motion)["_records"] = result.records, events, request.most
     else:
-        attributes["events"] = None
+        vars(motion)["events"] = None
     return motion
 
 

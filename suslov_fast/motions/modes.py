@@ -181,6 +181,6 @@ class Sliding:
 
 def are_stuck(result: SolverResult, at_rest: Any) -> Any:
     """Return the numbers of solutions that may slide, by their status, or rest at the start."""
-    statuses = Status.SLIDING, Status.TOO_MANY_STEPS, Status.ACCUMULATES, Status.ENDED
-    may_slide = np.isin(result.all_ends.status, statuses)
+    status = result.all_ends.status
+    may_slide = (status < 0) & (status != Status.NONFINITE)
     return np.flatnonzero(may_slide | (False if at_rest is None else at_rest))

@@ -29,7 +29,7 @@ BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-
 LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
 # Names and types of the rows of trajectories that results have as columns.
-COLUMNS = {"steps": np.int64}
+COLUMNS = {"steps": np.dtype(np.int64)}
 
 integrator_of = functools.lru_cache(64)(Integrator)
 

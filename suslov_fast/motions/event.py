@@ -6,7 +6,7 @@ import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
@@ -170,18 +170,9 @@ class Event:
         """Return plain numbers and texts for JSON; an event with functions needs ``of`` first."""
         if not self._is_text:
             raise TypeError("to_dict: functions have no text before they are traced: of(system)")
-        times = self.times
-        if times is not None:  # None replaces NaN, which JSON lacks
-            times = np.where(np.isfinite(times), times, np.array(None)).tolist()
-        entries = {
-            "surface": self.surface,
-            "to": None if self.to is None else list(self.to),  # type: ignore[arg-type]
-            "definitions": dict(self._definitions),
-            "direction": self.direction,
-            "times": times,
-            "terminal": self.terminal,
-            "most": self.most,
-        }
+        entries = self._arguments | {"definitions": dict(self._definitions)}
+        if (times := self.times) is not None:  # None replaces NaN, which JSON lacks
+            entries["times"] = np.where(np.isfinite(times), times, np.array(None)).tolist()
         return {name: value for name, value in entries.items() if value not in (None, False, 0, {})}
 
     @classmethod
@@ -198,6 +189,11 @@ class Event:
         return event
 
     @property
+    def _arguments(self) -> dict[str, Any]:
+        """The checked arguments by name, with which copies, texts and comparisons are made."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+
+    @property
     def _is_text(self) -> bool:
         return not (callable(self.surface) or callable(self.to))
 
@@ -210,9 +206,10 @@ class Event:
     @property
     def _key(self) -> tuple[Any, ...]:
         """The values that == and hash compare; times as bytes, because NaN equals NaN there."""
-        times = None if self.times is None else (self.times.shape, (self.times + 0.0).tobytes())
-        others = self.surface, self.to, self.direction, self.terminal, self.most
-        return *others, times, *self._definitions.items()
+        values = self._arguments
+        if self.times is not None:
+            values["times"] = self.times.shape, (self.times + 0.0).tobytes()
+        return *values.values(), *self._definitions.items()
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_traced": {}, "_kept": {}}
@@ -221,14 +218,13 @@ class Event:
         vars(self).update(attributes)
 
     def __repr__(self) -> str:
-        parts = [] if self.surface is None else [_shown(self.surface)]
-        if self.times is not None:
-            is_short = self.times.ndim == 1 and self.times.size <= 4
-            numbers = ", ".join(f"{t:g}" for t in self.times) if is_short else ""
-            parts.append(f"times=[{numbers}]" if is_short else f"times: {self.times.shape}")
-        parts += [] if self.to is None else [f"to={_shown(self.to)}"]
-        for name in ("direction", "terminal", "most"):
-            parts += [f"{name}={value}"] if (value := getattr(self, name)) else []
+        values = self._arguments
+        parts = [] if values.pop("surface") is None else [_shown(self.surface)]
+        if (times := values.pop("times")) is not None:
+            is_short = times.ndim == 1 and times.size <= 4
+            numbers = ", ".join(f"{t:g}" for t in times) if is_short else ""
+            parts.append(f"times=[{numbers}]" if is_short else f"times: {times.shape}")
+        parts += (f"{name}={_shown(value)}" for name, value in values.items() if value)
         return f"Event({', '.join(parts)})"
 
 
@@ -373,13 +369,8 @@ class TracedEvent:
         event, surfaces = self.event, [] if self.surface is None else [self.surface]
         results = [*surfaces, *(self.to or ())]
         definitions, texts = written(self.tracer.values, results, self.tracer.names)
-        text = Event(
-            texts[0] if surfaces else None,
-            to=None if self.to is None else texts[len(surfaces) :],
-            direction=event.direction,
-            times=event.times,
-            terminal=event.terminal,
-            most=event.most,
-        )
+        surface = texts[0] if surfaces else None
+        to = None if self.to is None else texts[len(surfaces) :]
+        text = replace(event, surface=surface, to=to)
         vars(text)["_definitions"] = definitions
         return text

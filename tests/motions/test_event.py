@@ -1,8 +1,10 @@
 """The class `Event` and the results of changes: text, equality, pickles, batches."""
 
 import gc
+import inspect
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +63,28 @@ def test_events_that_differ():
     none = [flow(PK, [3.0, 4.0], time=1.0, events=each).events for each in levels]
     assert len(none[0].time) == len(none[1].time) == 0
     assert none[0] != none[1]
+
+
+# A value of each argument that is not its default.
+ARGUMENTS = {
+    "surface": lambda x: x[0] - 1,
+    "to": ("0", "blood"),
+    "terminal": True,
+    "direction": -1,
+    "times": [1.0, np.nan],
+    "most": 2,
+}
+
+
+def test_every_argument_is_compared_shown_and_kept():
+    assert ARGUMENTS.keys() == inspect.signature(Event).parameters.keys()
+    for name, value in ARGUMENTS.items():
+        base = {"times": [2.0]} if name == "times" else {"surface": lambda x: x[0]}
+        plain, event = (Event(**given).of(PK) for given in (base, base | {name: value}))
+        assert event != plain
+        assert repr(event) != repr(plain)
+        assert Event.from_dict(event.to_dict()) == event == replace(event)
+        assert name in event.to_dict()
 
 
 def test_results_of_events():

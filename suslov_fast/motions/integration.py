@@ -43,9 +43,8 @@ def warn_of_size(f: Any, is_implicit: bool) -> None:
             "SciPy's solve_ivp is faster, with method='LSODA' or 'BDF' and jac=field.jacobian"
         )
         return
-    count = len(f.f.operations)
-    # Fewer than D**2 operations are no sums over all variables.
-    if not (is_implicit or f.is_dense) and count > max(_LONG, f.D**2):
+    count = 0 if is_implicit or f.is_dense else len(f.f.operations)
+    if count > max(_LONG, f.D**2):  # fewer operations are no sums over all variables
         checks.warn(
             f"f has {count} operations, which take about {count / 10_000:.0f} s to compile: write "
             "sums over all variables as products W @ v with matrices"

@@ -12,6 +12,7 @@ import suslov_fast as sf
 from suslov_fast import Field
 from suslov_fast.compiled import step_system, system, work
 from suslov_fast.core.expressions import dense_product
+from suslov_fast.fields import right_hand_sides
 from suslov_fast.motions import integration
 
 N = 18
@@ -177,3 +178,15 @@ def test_long_sparse_functions_are_not_told_to_be_products(monkeypatch):
     monkeypatch.setattr(integration, "_LONG", N // 2)
     ring = Field(lambda x: [x[i - 1] - x[i] for i in range(N)], NAMES)
     sf.flow(ring, X0[0], time=0.1)  # warnings are errors
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_full_quadratic_fields(stiff, monkeypatch):
+    monkeypatch.setattr(right_hand_sides, "_LONG", N)  # loops over all coefficients
+    linear = W - 2.0 * np.eye(N)
+    field = Field.from_terms(RNG.normal(size=(N, N, N)) / N**2, linear, C)
+    motion = sf.flow(field, X0, time=1.0, stiff=stiff)
+    given = {"rtol": 1e-11, "atol": 1e-12, "method": "DOP853"}
+    for x, final in zip(X0, motion.final, strict=True):
+        right = solve_ivp(lambda t, y: field(y), (0.0, 1.0), x, **given).y[:, -1]
+        np.testing.assert_allclose(final, right, rtol=1e-6, atol=1e-7)

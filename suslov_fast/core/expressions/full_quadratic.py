@@ -12,7 +12,8 @@ class DenseRightHandSide:
     parameters, like its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, events, offsets, columns, products, longest = True, None, {}, 0, (), inf
+    is_dense = is_written = True
+    events, offsets, columns, products, longest = None, {}, 0, (), inf
     of = property(lambda self: self)
     branches = watched = watch = double_crossings = aim = None
     clocks = steady = of_one_sign = denominators = fixed = ()

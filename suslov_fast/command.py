@@ -2,20 +2,20 @@
 
 import argparse
 import json
+import math
 import os
 import re
 import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
 import suslov_fast as sf
-
-from .words import answer
 
 # Modules that import NumPy or Numba are imported in functions: `--help` and most errors need none.
 
@@ -32,20 +32,16 @@ _OF_TIMES = "points", "rtol", "atol"  # options only for the motion
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors have one line, with the nearest option or command."""
+    """A parser whose errors have one line, with the nearest options."""
 
     def error(self, message: str) -> NoReturn:
-        known = {}
-        for action in self._actions:
-            for name in (*action.option_strings, *map(str, action.choices or ())):
-                known[name.strip("-").replace("-", "_")] = name
-        wrong = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
-        for word in re.findall(wrong, message):
-            plain = word.replace("-", "_").lower()
-            if near := known.get(plain) or known.get(answer(plain, known)):
-                message += f"; for {word} use {near}"
-        if "unrecognized" in message and " -" not in message:
-            message += "; lists have commas, --x0 1,0.5, and texts quotation marks"
+        if "unrecognized" in message:
+            known = re.findall(r"--[\w-]+", self.format_usage())
+            words = re.findall(r" (-[^\s=]+)", message)
+            near = {word: get_close_matches(word, known, 1) for word in words}
+            message += "".join(f"; for {word} use {name}" for word in words for name in near[word])
+            if not words:
+                message += "; lists have commas, --x0 1,0.5, and texts quotation marks"
         print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
         sys.exit(2)
 
@@ -53,8 +49,8 @@ class _Parser(argparse.ArgumentParser):
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command, and return its exit status.
 
-    It is 0 after success, 1 after a failure, 2 if the command line or a file is wrong, and 130
-    after Ctrl-C. Messages are lines on stderr.
+    The status is 0 after success, 1 after a failure of the computation, 2 if the command line or a
+    file is wrong, and 130 after Ctrl-C.
     """
     words = [*(sys.argv[1:] if words is None else words)]
     parser = _parser()
@@ -90,67 +86,55 @@ def _tell(message: object) -> None:
 
 # ---------------------------------------------------------------------------------- commands
 def run(options: argparse.Namespace) -> int:
-    """Compute a batch of trajectories, and print how long it takes, as JSON.
+    """Compute a batch of trajectories, and print the time that this takes, as JSON.
 
-    It takes 1000 steps of the map from 65,536 random states of the body of figure 2 of the paper,
-    if nothing else is asked for. With --time it solves the equations, as `flow` does.
+    By default take 1000 steps of the map from 65,536 random states of the body of figure 2 of the
+    paper. With --time solve the equations of motion, as `flow` does.
     """
-    is_motion = options.time is not None
+    given = {name: value for name, value in vars(options).items() if value is not None}
+    is_motion = "time" in given
     for name in _OF_STEPS if is_motion else _OF_TIMES:
-        if getattr(options, name) is not None:
+        if name in given:
             how = "is for steps of the map: leave out --time" if is_motion else "needs --time T"
             raise ValueError(f"--{name.replace('_', '-')} {how}")
-    if options.output is None and options.save_every is not None:
-        raise ValueError("--save-every needs a file: add -o run.npz")
-    if options.output is not None:
+    if "output" in given:
         _check_writable([options.output], (".npz",), options.force)
+    elif "save_every" in given:
+        raise ValueError("--save-every needs a file: add -o run.npz")
     import numpy as np
 
     system, eps = _system(options)
-    if not is_motion and not _has_map(system):
-        raise ValueError("--equations of degree 2 at most have Kahan's map: add --time T")
-    if not is_motion and eps is None:
-        raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
-    like = f"--x0 {','.join('1' * system.dimension)}"
-    if options.equations is not None and not (options.x0 or options.trajectories):
-        raise ValueError(f"--x0 is missing, the initial state, such as {like}")
-    states: Any = options.x0
-    if not states:
-        size = options.trajectories or 65_536, system.dimension
-        states = np.random.default_rng(0).uniform(-2.0, 2.0, size)
-    elif any(len(each) != system.dimension for each in states):
-        raise ValueError(f"--x0 must be {system.dimension} numbers, such as {like}")
-    elif len(states) == 1:
+    if "equations" in given and not {"x0", "trajectories"} & {*given}:
+        raise ValueError("--x0 is missing, the initial state, such as --x0 1,0.5")
+    size = options.trajectories or 65_536, system.dimension
+    states = options.x0 or np.random.default_rng(0).uniform(-2.0, 2.0, size)
+    if len(states) == 1:
         [states] = states
+    names = "threads", "rtol", "atol", "steps", "save_every", "method"
+    chosen: dict[str, Any] = {name: given[name] for name in names if name in given}
     compute: Any
-    common: dict[str, Any] = {"threads": options.threads}
     if is_motion:
         times = np.linspace(0.0, options.time, options.points or 101)
-        chosen = {name: getattr(options, name) for name in ("rtol", "atol")}
-        common |= {name: value for name, value in chosen.items() if value is not None}
-        compute = partial(sf.flow, system, states, time=times, **common)
+        compute = partial(sf.flow, system, states, time=times, **chosen)
     else:
-        common |= {"save_every": options.save_every, "method": options.method or "auto"}
-        common |= {"steps": options.steps or 1000, "on_singular": "ignore"}
-        compute = partial(sf.iterate, system, states, eps, **common)
-    seconds, result = _timed(compute)
-    if seconds < 30.0:  # again, because the first call compiles
-        seconds = min(seconds, _timed(compute)[0])
-    if options.output is not None:
+        chosen = {"steps": 1000, "save_every": None, "on_singular": "ignore", **chosen}
+        compute = partial(sf.iterate, system, states, eps, **chosen)
+    seconds = math.inf
+    for _ in range(2):  # the first call compiles
+        begin = time.perf_counter()
+        result = compute()
+        seconds = min(seconds, time.perf_counter() - begin)
+        if seconds > 30.0:
+            break
+    if "output" in given:
         result.save(options.output, overwrite=options.force)
     failed = result.status < 0
     taken = result.steps if is_motion else np.where(failed, result.failed_at, result.steps)
     rate = {"seconds": seconds, "steps_per_second": float(taken.sum()) / seconds}
     counts = {"trajectories": failed.size, "failed": int(failed.sum())}
-    written = {"written": str(options.output)} if options.output else {}
+    written = {"written": str(options.output)} if "output" in given else {}
     print(json.dumps({"system": str(system), **rate, **counts, **written}))
     return int(failed.size > 0 and bool(failed.all()))
-
-
-def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    begin = time.perf_counter()
-    result = call()
-    return time.perf_counter() - begin, result
 
 
 def plot(options: argparse.Namespace) -> None:
@@ -158,9 +142,8 @@ def plot(options: argparse.Namespace) -> None:
     target = options.output or options.file.with_suffix(".png")
     _check_writable([target], (".png", ".svg", ".pdf"), options.force)
     from .results.figures import plt
-    from .results.result import load
 
-    figure = load(options.file).plot(*options.components).figure
+    figure = sf.load(options.file).plot(*options.components).figure
     figure.savefig(target, dpi=150)
     plt.close(figure)
     print(target)
@@ -185,24 +168,14 @@ def figures(options: argparse.Namespace) -> None:
 
 
 def report(options: argparse.Namespace) -> None:
-    """Print what a Kahan map conserves: integrals, measures, growth of degrees.
+    """Print integrals and measures that Kahan's map conserves, and the growth of its degrees.
 
-    Decimals are read as they are written, 0.1 as 1/10. Without --eps the step size is a symbol.
+    Numbers are exact: 0.1 is 1/10. Without --eps the step size is a symbol.
     """
     from .integrability import report as report_of
 
     system, _ = _system(options)
-    if not _has_map(system):
-        raise ValueError("--equations: report is for right-hand sides of degree 2 at most")
     print(report_of(system, eps=options.eps, degree=options.degree))
-
-
-def _has_map(system: Any) -> bool:
-    """Return True for a body, and for a field of degree 2."""
-    try:
-        return bool(system._field.terms)
-    except TypeError:
-        return False
 
 
 def _check_writable(paths: Sequence[Path], endings: Sequence[str], force: bool) -> None:
@@ -266,13 +239,6 @@ def _count(text: str) -> int:
     return int(value)
 
 
-def _path(text: str) -> Path:
-    """Return the path of a file or folder."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("the name of a file is empty")
-    return Path(text).expanduser()
-
-
 def _parser() -> _Parser:
     """Return the parser of the command; its help texts are the docstrings of functions."""
     raw = argparse.RawDescriptionHelpFormatter
@@ -294,7 +260,7 @@ def _parser() -> _Parser:
         add("--equations", metavar="TEXT", help=f'such as "{_LIKE}"')
 
     def add_file(to: Any, of: str, **keywords: Any) -> None:
-        to.add_argument("-o", "--output", type=_path, help=of, **keywords)
+        to.add_argument("-o", "--output", type=Path, help=of, **keywords)
         to.add_argument("--force", action="store_true", help="replace files that exist")
 
     of_run = command(run)
@@ -313,7 +279,7 @@ def _parser() -> _Parser:
     add("--threads", type=_count, metavar="N", help="threads (default: all)")
     add_file(of_run, "file of the run", metavar="RUN.npz")
     of_plot = command(plot)
-    of_plot.add_argument("file", type=_path, metavar="RUN.npz")
+    of_plot.add_argument("file", type=Path, metavar="RUN.npz")
     of_plot.add_argument("components", nargs="*", metavar="NAME", help="such as x v, or time x")
     add_file(of_plot, "figure (default RUN.png)", metavar="FILE.png")
     add_file(command(figures), "folder (default: this one)", metavar="DIR", default=Path())

@@ -97,8 +97,8 @@ def test_mistakes(line, named, monkeypatch, capsys):
     for name in ("good.npz", "figure1.png"):
         Path(name).write_text("precious")
     before = sorted(Path().rglob("*"))
-    for name in ("iterate", "flow"):
-        monkeypatch.setattr(sf, name, None)
+    for name in ("maps.batch.BatchRun.to", "motions.flow.to_tolerance"):
+        monkeypatch.setattr(f"suslov_fast.{name}", None)
     try:
         code = main(line.split())
     except SystemExit as stopped:  # of argparse

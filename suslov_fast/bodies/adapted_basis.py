@@ -38,7 +38,7 @@ def _refuse(name: str, bad: Any, what: str) -> None:
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
     """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
 
-    The axis a becomes e_n; the other axes diagonalize their block and rotate as little as possible.
+    In an adapted basis the last axis is a, and the block of the other axes is diagonal.
     """
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)

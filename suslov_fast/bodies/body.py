@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,6 @@ from .formulas_3d import limits
 
 if TYPE_CHECKING:
     from ..fields.field import Field
-
-Kind = TypeVar("Kind", bound="Suslov")
 
 
 class BodyOfEquations(Body):
@@ -68,13 +66,13 @@ class Suslov(BodyOfEquations):
         """The parameters by name."""
         return Parameters({n: each for n, each in self._parts.items() if n != "rotation"})
 
-    def _rotated(self: Kind, rotation: Any) -> Kind:
+    def _rotated(self, rotation: Any) -> Self:
         """Return the body with the rotation from the basis of its tensor."""
         return self._with_parts({**self._parts, "rotation": rotation})
 
     @classmethod
     @public
-    def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
+    def from_dict(cls, parameters: Mapping[str, Any]) -> Self:
         """Return the body in a dictionary, as :meth:`Field.from_dict` does."""
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)

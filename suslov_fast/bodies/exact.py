@@ -1,7 +1,4 @@
-"""Calls of the closed form of the map (Theorem 1) and of the motion.
-
-An integrable body in n dimensions is reduced to one in three first, see `bodies.reduction`.
-"""
+"""Calls of the closed form of the map (Theorem 1) and of the motion, at many times at once."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ _REASONS = (
 
 
 def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArray:
-    """Return states of the flow at `times`, or of the map by number if `is_number`; warn of NaN."""
+    """Return states of the motion at `times`, or of the map after `times` steps if `is_number`."""
     plane, from_plane = problem.body._in_plane(problem)
     batch = plane.batch
     flat_times, starts = flat_arrays(times, times.shape, 0), flat_arrays(plane.omega, batch)

@@ -49,10 +49,10 @@ def _momentum(problem: Problem) -> FloatArray:
 
 
 def _reaction(problem: Problem) -> FloatArray:
-    """Return (next_ell - ell) / eps - (I1 - I2) (w1 next2 + next1 w2) / 2; its limit for eps = 0.
+    """Return lambda = (next_ell - ell) / eps - (I1 - I2) (w1 next2 + next1 w2) / 2, equation (4).
 
-    It is lambda of equations (2) and (4). Both terms have the denominator det A. Terms of the
-    numerators cancel only if they cancel in the result, too.
+    For eps = 0 it is lambda of equation (2). Both terms are fractions with the denominator det A;
+    no large numbers cancel in the numerators.
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
     a, half = I1 * I2, 0.5 * eps
@@ -123,8 +123,8 @@ def _rotation_number(problem: Problem) -> FloatArray:
 def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
     """Return h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
 
-    Equation (9): h = D F = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2). Equation (12), with its
-    sign: k1 = -(2 / eps) artanh t. sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
+    h = D F = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2), equation (9). k1 = -(2 / eps) artanh t
+    solves equation (12). sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
     t = _criticality(problem)
@@ -146,10 +146,9 @@ def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
 
 @np.errstate(all="ignore")
 def limits(problem: Problem) -> list[FloatArray]:
-    """Return the limits of an orbit for n -> -infinity and +infinity (Proposition 2).
+    """Return the limits of an orbit, or for eps = 0 of a motion, at -infinity and +infinity.
 
-    They are the steady states x = -k, nu = +- root. For an orbit that turns they are NaN; for a
-    fixed state both are this state. For eps = 0 they are the limits of the motion.
+    They are steady states (Proposition 2). They are NaN for an orbit on a closed curve.
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
     unit = closed.unit_of.of_arrays(w1, w2, k)
@@ -220,10 +219,7 @@ def scattering_angle(
 
 
 def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues (..., 2) of f' (..., 2, 2) at steady states.
-
-    The eigenvalue along a line of steady states is exactly 0. Without a rotor both are real.
-    """
+    """Return the eigenvalues (..., 2) of f' at steady states: exactly 0 along a line of these."""
     I1, I2, _, _, k = problem.body._constants
     trace = np.trace(slopes, axis1=-2, axis2=-1)
     at_rest = (problem.omega == 0.0).all(axis=-1)

@@ -82,10 +82,10 @@ def _sum(terms: FloatArray) -> FloatArray:
 
 
 def _rates(body: Any, omega: FloatArray, after: FloatArray) -> FloatArray:
-    """Return equation (14), (p w_i - I_i |w|**2) / J_i, with products of a state and the next one.
+    """Return the rates (after - w) / eps of a step to the next state `after`; f(w) if it is w.
 
-    They are the rates of change (after - w) / eps in a step, and f(w) if `after` is w. The terms
-    I_i w_i**2, which cancel, are left out of both sums.
+    They are (p w_i - I_i |w|**2) / J_i, p = I . w, equation (14), with products of w and `after`.
+    The terms I_i w_i**2 are in neither sum, because they cancel.
     """
     of_p = _sums_of_others(body.I * omega) * after + _sums_of_others(body.I * after) * omega
     return np.asarray((0.5 * of_p - body.I * _sums_of_others(omega * after)) / body.J)
@@ -110,7 +110,7 @@ def _modified_energy(problem: Problem) -> FloatArray:
 def _reaction(problem: Problem) -> FloatArray:
     """Return lambda_ij = I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2, (13).
 
-    s are the rates of change in a step.
+    s are the rates (after - w) / eps.
     """
     body, omega = problem.body, problem.omega
     after = states_after(problem) if np.any(problem.eps) else omega
@@ -121,11 +121,9 @@ def _reaction(problem: Problem) -> FloatArray:
 
 
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return the eigenvalues of f' = (I.x) J**-1 P.
+    """Return the eigenvalues of f' = (I.x) J**-1 P, where P projects onto the complement of I.
 
-    P projects onto the vectors orthogonal to I. The eigenvalues are I.x times the squares of the
-    singular values of P J**-1/2, computed in this way because small singular values keep their
-    digits beside large ones.
+    They are I.x times the squares of the singular values of P J**-1/2: so small ones keep digits.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)
@@ -139,8 +137,7 @@ def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
 def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
-    A body with two coordinates, J = (a, b) and I = (c, d), is the body in three dimensions with
-    I1 = a, I2 = b, I13 = -d and I23 = c.
+    J = (a, b) and I = (c, d) of two coordinates become I1 = a, I2 = b, I13 = -d and I23 = c.
     """
     parts, omega = problem.body._reduction, problem.omega
     J, I = parts.parameters(2)
@@ -166,9 +163,9 @@ def _first_integral(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the density of the reduced body over powers of r; 1 where every state is steady.
+    """Return the density of the reduced body per area of spheres; 1 where every state is steady.
 
-    States with the same r are a sphere in E0. The power of r is the power in its area.
+    The states with the same coordinate r (see `reduction`) form a sphere; its area is a power of r.
     """
     parts = problem.body._reduction
     values = np.ones(problem.batch)

@@ -15,11 +15,10 @@ from ..checks import FloatArray
 
 
 class Reduction:
-    """Coordinates of bodies with J and I (..., m), each member by its own eigenspaces.
+    """The coordinates u and r of a batch of bodies with J and I (..., m).
 
-    Coordinates of a member stand in the order in which their J appears first, u before r. If `size`
-    exceeds the `count` of a member, it gets more coordinates, which are 0: they only increase the
-    dimension of an E0.
+    Each member has its own eigenspaces, in the order in which their J appear first, and `count`
+    coordinates. Further ones, up to the `size` of a result, are 0: an E0 of a higher dimension.
     """
 
     def __init__(self, J: FloatArray, I: FloatArray) -> None:
@@ -86,10 +85,10 @@ class Reduction:
         return self._chosen(u, r, size)
 
     def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return states (..., m) of the body for `states` (..., size) of the smaller body.
+        """Return the states (..., m) that have the coordinates `states` (..., size).
 
-        They take their directions from omega, and are NaN where the part of omega in a space is 0,
-        so that it has no direction, but the coordinate of this space is not 0.
+        Their part in each E0 has the direction of the part of omega. They are NaN if that part is
+        0, which has no direction, and the coordinate r is not 0.
         """
         _, r, direction = self._directions(omega)
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))
@@ -103,10 +102,7 @@ class Reduction:
 
 
 def first_of_equal(J: FloatArray, tolerance: Any = 0.0) -> Any:
-    """Return for each J_i (..., m) the first index of an entry that is equal to J_i.
-
-    With a tolerance, neighbours in size that differ by no more count as equal.
-    """
+    """Return for each J_i (..., m) the first index of an equal entry, up to a `tolerance`."""
     order = J.argsort(axis=-1, kind="stable")
     begins = np.ones(J.shape, bool)
     begins[..., 1:] = np.diff(np.take_along_axis(J, order, axis=-1)) > tolerance

@@ -1,7 +1,4 @@
-"""Bodies in three dimensions, also with a rotor: the Suslov problem, equations (1), (2).
-
-Also the four examples of the paper.
-"""
+"""Bodies in three dimensions, equations (1) and (2), also with a rotor; the paper's examples."""
 
 from __future__ import annotations
 
@@ -34,11 +31,7 @@ def _exact(a: Any) -> Any:
 
 
 class ClosedForm(NamedTuple):
-    """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...).
-
-    The integral h has the unit (inertia * omega)**2 and the rate k1 the unit 1 / eps; the phase k2
-    and the criticality t are dimensionless.
-    """
+    """The constants (...) of orbits that :meth:`Suslov3D.closed_form` returns."""
 
     h: FloatArray  # equation (9)
     k1: FloatArray  # equation (12)

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -14,8 +14,6 @@ from ..keywords import Answering, lacking, public
 from .exact_numbers import from_lists, to_lists
 from .latex import equations, symbol
 from .members import Members
-
-Kind = TypeVar("Kind", bound="Body")
 
 
 class Parameters(dict[str, Any]):
@@ -41,9 +39,9 @@ class Body(Members, metaclass=Answering):
     # The direction (..., D) of the line of steady states through 0; NaN for members without one.
     _steady_line: ClassVar[Any] = None
     _meaning: ClassVar[str] = ""  # meaning of the parameters, in messages
-    if not TYPE_CHECKING:  # type checkers know the property below
-        dimension: ClassVar[Any] = 2
-        _is_solved: ClassVar[Any] = False  # True if the motion has a closed form
+    dimension: ClassVar[Any] = 2
+    _is_solved: ClassVar[Any] = False  # True if the motion has a closed form
+    _field: ClassVar[Any]  # the equations of motion; TypeError for a `Map`, which has none
     _labels: ClassVar[Any] = "Omega1", "Omega2"  # names of the components of states
     _coordinates: ClassVar[Any] = ()  # parameters that are coordinates of datasets
     _shared: ClassVar[Any] = {}  # what all members have in common besides parameters
@@ -75,7 +73,7 @@ class Body(Members, metaclass=Answering):
 
     @cached_property
     def _parts(self) -> dict[str, Any]:
-        """The parameters by name, without defaults that are None or a number."""
+        """The parameters by name; a parameter with its default value is left out."""
         named = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return {
             name: value
@@ -88,13 +86,13 @@ class Body(Members, metaclass=Answering):
         vars(self).update({name: frozen(value) for name, value in parts.items()})
 
     @classmethod
-    def _of(cls: type[Kind], parts: Mapping[str, Any]) -> Kind:
+    def _of(cls, parts: Mapping[str, Any]) -> Self:
         """Return the body with these parameters, which were checked before."""
         self = object.__new__(cls)
         self._take(parts)
         return self
 
-    def _with_parts(self: Kind, parts: Mapping[str, Any]) -> Kind:
+    def _with_parts(self, parts: Mapping[str, Any]) -> Self:
         """Return a copy of the body with these parameters, which were checked before."""
         return self._of({**parts, **self._shared})
 
@@ -102,15 +100,6 @@ class Body(Members, metaclass=Answering):
     def _arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
         return {name: np.asarray(each, np.float64) for name, each in self.parameters.items()}
-
-    if TYPE_CHECKING:
-
-        @property
-        def dimension(self) -> int: ...
-
-        @property
-        def _field(self) -> Any:
-            """The equations of motion; TypeError for a `Map`, which has none."""
 
     @property
     def _terms(self) -> Any:
@@ -176,10 +165,6 @@ class Body(Members, metaclass=Answering):
         """Return the equations of a single body for notebooks, which show a batch as a text."""
         return None if self.shape else equations(*self._rows_in_latex())
 
-    def _latex(self, _: Any) -> str:
-        """Return the equations for ``sympy.latex``, which calls this method."""
-        return (self._repr_latex_() or str(self)).removeprefix("$\\displaystyle ").strip("$")
-
     def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
         """Return rows of a left side, in LaTeX, and a text; and the LaTeX of names in the texts."""
         field, labels = self._field, [*map(symbol, self._labels)]
@@ -197,8 +182,8 @@ class Body(Members, metaclass=Answering):
         Returns
         -------
         dict
-            The name of the class under "body"; other entries are numbers, strings, lists and
-            dictionaries. :meth:`from_dict` makes an equal body of them.
+            The name of the class under "body", and the parameters. :meth:`from_dict` makes an equal
+            body or field of it.
 
         Examples
         --------
@@ -210,7 +195,7 @@ class Body(Members, metaclass=Answering):
 
     @classmethod
     @public
-    def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
+    def from_dict(cls, parameters: Mapping[str, Any]) -> Self:
         """Return the body or field of this class that :meth:`to_dict` described.
 
         Parameters
@@ -240,7 +225,7 @@ class Body(Members, metaclass=Answering):
         return cls._from_dict(dict(parameters))
 
     @classmethod
-    def _from_dict(cls: type[Kind], given: dict[str, Any]) -> Kind:
+    def _from_dict(cls, given: dict[str, Any]) -> Self:
         """Return the body that the dictionary `given` describes; remove entries that are read."""
         how = ": it is the name of the class that has from_dict"
         checks.one_of("body", given.pop("body", None), [cls.__name__], how)

@@ -37,10 +37,10 @@ def of_equations(
     parameters: Sequence[Any],
     exactly: Callable[[float], Fraction] | None = None,
 ) -> Terms:
-    """Return the terms of f (degree 2), or of H (degree 3, one result), from their operations.
+    """Return the terms of `results`: the components of f (degree 2), or one H (degree 3).
 
-    `parameters` are numbers, or arrays (...) for the members of a family. Values are floats, or
-    fractions if `exactly` makes a fraction of a float; then `parameters` are numbers.
+    The values of terms are floats (..., T), where ... is the shape of `parameters`. For a single
+    field, a function `exactly` from floats to fractions makes them fractions.
     """
     D, shape = len(equations.names), np.broadcast_shapes(*map(np.shape, parameters))
     ratios = equations.ratios
@@ -66,10 +66,7 @@ def coefficients_by(
     degree: int,
     parameters: Sequence[Any],
 ) -> Polynomial:
-    """Return the coefficients of f (degree 2) or H (degree 3) by three indices.
-
-    They are numbers of the kind that ``number(a)`` returns for constants and parameters a.
-    """
+    """Return the coefficients of f or H by three indices, of the type that `number` returns."""
     D = len(equations.names)
     known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
     known |= {k: _constant(number(a)) for k, a in enumerate(parameters, D)}
@@ -143,10 +140,9 @@ _RULES: dict[str, Callable[..., Any]] = {
 
 
 def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> Any:
-    """Return the value of a function of constants, None for other operands.
+    """Return a function of constants as a polynomial or an array of bool; None for other operands.
 
-    If the condition of a `select` is constant, its other operands may be polynomials. A truth value
-    is returned as an array.
+    A `select` with a constant condition selects between any two polynomials.
     """
     if name == "select" and not isinstance(operands[0], dict):
         condition, *(a, b) = operands

@@ -177,10 +177,10 @@ def values_of(
     names: Mapping[str, Any],
     calls: Callable[[str, Sequence[Any]], Any],
 ) -> dict[Any, Any]:
-    """Return the values of named formulas, together with `names`, the symbols of variables.
+    """Return the values of named formulas, and of the variables and parameters in `names`.
 
-    A formula may use all names before it. ``calls(function, arguments)`` returns the value of a
-    function that has this name.
+    A formula may use the names of formulas before it. ``calls(name, arguments)`` returns the value
+    of a function.
     """
     known: dict[Any, Any] = dict(names)
     length = 0

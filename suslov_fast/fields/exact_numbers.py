@@ -15,7 +15,8 @@ import numpy as np
 from ..checks import OF_SYMBOLS, common_shape, kind_of, real_array, refuse, short, spelled, wrong
 from .names import check_parameter
 
-# The most characters of a number in a text, and the largest exponent of 10 in a decimal.
+# The most characters of a number in a text, and the largest exponent of 10 in a decimal: it would
+# take minutes to make the fraction 1e99999999.
 _LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
 
 
@@ -34,7 +35,7 @@ def exact(name: str, value: Any) -> Fraction:
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
-            raise OverflowError  # a decimal such as 1e99999999, whose ratio would take minutes
+            raise OverflowError  # a decimal such as 1e99999999
         ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
         return Fraction(*map(int, ratio))
     except (OverflowError, ValueError):
@@ -99,10 +100,7 @@ def from_lists(name: str, value: Any) -> Any:
 
 
 def from_text(text: str) -> Fraction:
-    """Return the number in a text, such as 1/3, 0.1 or 1e6; raise ValueError if there is none.
-
-    Exponents beyond 400 are refused, because it would take minutes to make the fraction 1e99999999.
-    """
+    """Return the number in a text, such as 1/3, 0.1 or 1e6; raise ValueError if there is none."""
     if len(text) > _LONGEST_NUMBER:
         raise ValueError(text)
     exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
@@ -115,10 +113,7 @@ def from_text(text: str) -> Fraction:
 
 
 def text_of(terms: Mapping[tuple[int, ...], Any], names: Sequence[str]) -> str:
-    """Return the text of a polynomial with these coefficients, by sorted indices.
-
-    The indices (0, 0, 1) stand for the square of the first variable, times the second.
-    """
+    """Return the text of a polynomial: {(0, 0, 1): 2} is "2*x1^2*x2" with the names x1 and x2."""
     text = ""
     for indices, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):
         size = -c if c < 0 else c

@@ -394,10 +394,7 @@ class Field(Traced):
         return Terms(self._parts[INDICES], self._parts[VALUES])
 
     def _terms_of(self, of_energy: bool = False, exactly: Any = None) -> Terms:
-        """Return the terms of f, or of H, of a field of degree 2; TypeError for other fields.
-
-        Values are floats. For a single field, `exactly` may make fractions of floats.
-        """
+        """Return terms of f, or of H, as `coefficients.of_equations`; TypeError if it has none."""
         equations, values = self._equations, [*self.parameters.values()]
         if equations is None:
             return self._own_terms if exactly is None else self._own_terms.read(exactly)

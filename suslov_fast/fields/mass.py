@@ -1,10 +1,9 @@
 """Mass matrices: x' of the equations M(x) x' = f(x) as formulas, by elimination in symbols.
 
-The pivots are chosen once, by which entries are 0 and which are numbers: in a symmetric matrix from
-its diagonal, M = L D L^T, else anywhere, M = L U. A formula that is 0 for all states is no pivot:
-rounding errors would be left in its place. A formula that changes its sign is 0 at some states, and
-M may be regular there: if no other pivots are left, Cramer's rule solves the last equations, up to
-MOST. It divides only by their determinant.
+The pivots are chosen once, for all states: numbers before formulas, in a symmetric matrix from its
+diagonal. A formula that is 0 at all states is no pivot, because its rounding errors are not 0. A
+formula that changes its sign is 0 at some states, at which M may have an inverse: where only such
+pivots are left, Cramer's rule solves the last equations. It divides only by their determinant.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ _LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is bel
 # A difference counts as 0 if it is below _CANCELLED times the sum of its terms at the part _MOST of
 # _SAMPLES random states or more. At other states elimination may amplify rounding errors.
 _MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
-MOST = 4  # the most equations that Cramer's rule solves: n equations have 2**n minors
+MOST = 4  # the most equations that Cramer's rule solves: for n equations it needs 2**n minors
 
 
 def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:

@@ -1,7 +1,7 @@
 """Members of batches: selected by an index, or by the values of parameters."""
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -9,7 +9,6 @@ from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import public
 
-Kind = TypeVar("Kind", bound="Members")
 _FAMILY = "for a family pass an array as a parameter"
 
 
@@ -30,10 +29,10 @@ class Members:
     def __bool__(self) -> bool:
         return True
 
-    def __iter__(self: Kind) -> Iterator[Kind]:
+    def __iter__(self) -> Iterator[Self]:
         return (self[i] for i in range(len(self)))
 
-    def __getitem__(self: Kind, index: Any) -> Kind:
+    def __getitem__(self, index: Any) -> Self:
         """Return a member of a batch, or the members that slices, lists or masks select."""
         len(self)  # `len` raises an error for a single body
         body, axis = self, 0
@@ -51,7 +50,7 @@ class Members:
         return body
 
     @public
-    def sel(self: Kind, /, **values: Any) -> Kind:
+    def sel(self, /, **values: Any) -> Self:
         """Return the members of a batch with given values of parameters.
 
         Parameters
@@ -122,7 +121,7 @@ class Members:
         known = ", ".join(columns) or "none: select members by index"
         raise ValueError(f"sel: {name} must vary along one axis; those that do are {known}")
 
-    def _part(self: Kind, axis: int, index: Any) -> Kind:
+    def _part(self, axis: int, index: Any) -> Self:
         """Return the members that an integer, a slice or indices select along one axis."""
         # The index for parameters that all members share: their length is 1 on this axis.
         common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0

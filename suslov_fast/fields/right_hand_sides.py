@@ -84,10 +84,10 @@ def _has_branches_of_products(values: Any) -> bool:
 
 
 def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
-    """Return equations, and the constants that are parameters in them.
+    """Return equations in which constants are parameters, and these constants.
 
-    Functions that differ only in their numbers, as in a sweep, share machine code from the second
-    function on: its constants become parameters.
+    The first function of a form keeps its constants. Functions that differ from it only in numbers,
+    as in a sweep, then share machine code.
     """
     names = {name for name, _, _ in equations.products[0].operations}
     special = not names.isdisjoint(_WITH_BRANCHES)
@@ -110,11 +110,7 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
 def of_equations(
     equations: Equations, parameters: FloatArray, wrt: Names, actions: Actions
 ) -> list[OfMembers]:
-    """Return the right-hand side of all members, with branches that are fixed within a step.
-
-    `parameters` (P, ...) are the values for all members, `wrt` the names of parameters with respect
-    to which motions are differentiated, and `actions` are the actions of events.
-    """
+    """Return the right-hand side of all members, with branches that are fixed within a step."""
     f, given = _with_inputs(equations, parameters, wrt, actions)
     if given.ndim == 1:
         return [OfMembers(_ONE, f, _table_of_one(f, given)[np.newaxis])]

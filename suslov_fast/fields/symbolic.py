@@ -116,9 +116,9 @@ _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split(
 
 
 def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
-    """Raise an error if a constant operand is NaN, or is infinite and not a divisor.
+    """Raise an error for a constant NaN or infinity: the result would not depend on x.
 
-    In arithmetic such a constant gives a result that does not depend on x. `clip` may use it.
+    Infinite divisors are correct, as are infinite limits in `clip`.
     """
     for k, a in enumerate(operands):
         is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)
@@ -313,10 +313,10 @@ if hasattr(
 
 
 def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
-    """Return the value of f; in this call `np.array` and similar functions return `Symbols`.
+    """Return the value of f, for which `np.array` and similar functions return `Symbols`.
 
-    NumPy has no hook for these functions, which would return plain arrays of objects: these cannot
-    be compared. The functions are replaced in NumPy during the call; other threads see no change.
+    NumPy's own functions return arrays of objects, which cannot be compared, and they have no hook.
+    So NumPy's module has others during the call, which act in this thread only.
     """
     caller = threading.get_ident()
 

@@ -18,10 +18,9 @@ from .exact_numbers import text_of
 
 
 class Terms(NamedTuple):
-    """Terms with different indices; no term is 0 for all members of a family.
+    """Terms in the order in which kernels add them: by indices, terms with a factor 1 last.
 
-    Terms are sorted by their indices, except that terms with a factor 1 are last. Kernels add terms
-    in this order.
+    No two terms have the same indices, and no term is 0 for all members of a family.
     """
 
     indices: NDArray[np.int64]  # (3, T)

@@ -130,11 +130,10 @@ class BatchRun:
     def to(
         self, stop: int, every: int = 0, report: Report | None = None
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Take the steps to state `stop`; return saved states (rows, ..., D), and orientations.
+        """Continue to state `stop`; return states (rows, ..., D), and orientations or None.
 
-        The states 0, `every`, 2 `every`, ... are saved, or only the last state if `every` is 0.
-        `report` is called with the number of steps; if it returns False, the run ends there.
-        Orientations are None without an attitude.
+        They are the states 0, `every`, 2 `every`, ..., or the last state alone if `every` is 0. The
+        run ends earlier if `report`, which is called with a number of steps, returns False.
         """
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows = _rows(0, stop, every)
@@ -208,12 +207,11 @@ class BatchRun:
     def _take(
         self, arguments: Arguments, omega0: FloatArray, output: Output, stop: int, every: int
     ) -> None:
-        """Continue a group, with its kernel arguments and initial states, to state `stop`.
+        """Continue a group of trajectories to state `stop`, in chunks.
 
-        The batch is divided first, so that the data of a chunk stay in the caches. Time is divided
-        only if few trajectories take long. Chunks grow while they are short, because the estimated
-        cost is the cost of the slowest steps. A batch of one block is serial, because a block of
-        lanes takes as long however few of them are used.
+        Chunks divide the batch before they divide time, so that their data stay in the caches. They
+        grow while they are short, because `cost` is that of the slowest steps. A block of lanes
+        takes the same time however few of them are used, so a batch of one block is serial.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads

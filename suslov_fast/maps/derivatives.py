@@ -31,15 +31,12 @@ def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
 
 
 def _derivative(terms: Any, eps: FloatArray, x: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the derivatives A(x; eps)**-1 A(after; -eps) (B, D, D) of a step from x to `after`.
-
-    They are NaN if undefined. One step of iterative refinement gives small entries their digits.
-    """
+    """Return the derivatives A(x; eps)**-1 A(after; -eps) (B, D, D) of a step; NaN if undefined."""
     A, back = matrix(terms, eps, x), matrix(terms, -eps, after)
     exists = (np.isfinite(A) & np.isfinite(back)).all(axis=(1, 2))
     A[~exists] = np.eye(x.shape[1])
     found = np.asarray(np.linalg.solve(A, back), np.float64)
-    found += np.linalg.solve(A, back - A @ found)
+    found += np.linalg.solve(A, back - A @ found)  # iterative refinement, for small entries
     found[~exists] = np.nan
     return found
 
@@ -139,10 +136,9 @@ class _Part:
 def growth(
     problem: Problem, steps: int, transient: int, report: Report | None = None
 ) -> TangentGrowth:
-    """Return the `TangentGrowth` of a map over `steps` steps after a transient.
+    """Return the growth of tangent vectors over `steps` steps, after steps that turn the vectors.
 
-    Tangent vectors follow the transient, too. When `report` is called with a number of steps, all
-    trajectories have taken these steps; if it returns False, the sums end there.
+    The sums end earlier if `report`, which is called with a number of steps, returns False.
     """
     start = flat_arrays(problem.omega, problem.batch)
     B, D = start.shape

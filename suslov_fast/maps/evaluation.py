@@ -52,14 +52,13 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
 
 
 def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
-    """Return values, NaN for states with NaN; warn once of all values missing for other states.
+    """Return values, NaN for states with NaN; warn once of missing values of other states.
 
-    Infinite values are missing, except with `poles`. Formulas return no finite value for a state
-    that is not finite, so a finite sum shows that no value is missing.
+    A value is missing if it is NaN, or, without `poles`, infinite.
     """
     with np.errstate(all="ignore"):
         total = values.sum()
-    if math.isfinite(total):
+    if math.isfinite(total):  # no value is missing: a state with NaN has no finite value
         return values
     unknown = np.isnan(problem.omega).any(axis=-1)
     unknown = np.broadcast_to(unknown, problem.batch)

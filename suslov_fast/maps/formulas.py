@@ -26,8 +26,8 @@ def _check_hamiltonian(body: Any) -> None:
 def _modified_energy(problem: Problem) -> FloatArray:
     """Return H + grad H . (x_next - x) / 3, which Kahan's map conserves, for a cubic H.
 
-    It is the symmetric form H(x, x, x_next): in each term v x_i x_j x_k of H one factor is taken at
-    x_next, and the form is the mean over the three choices of this factor.
+    It is the mean of three values: the first, second or third factor of each term v x_i x_j x_k of
+    H is taken at x_next, the others at x.
     """
     (i, j, k), values = problem.body._field._energy_terms
     x, after = with_one(problem.omega), with_one(states_after(problem))

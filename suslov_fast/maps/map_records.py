@@ -24,9 +24,8 @@ _HOW = ": to iterate a function x -> f(x) pass Map(f, names), for x' = f(x) Fiel
 
 @dataclass(frozen=True, eq=False)
 class Discretization:
-    """The record of a map: all that runs, files, plots and functions of a state need to know of it.
+    """The record of a map: a discretization of the motion of a class of systems, or a `Map`.
 
-    A map is a discretization of the equations of motion of a class of bodies or fields, or a `Map`.
     A class may have several maps: the argument `method` of public functions chooses one of them.
     """
 

@@ -59,11 +59,10 @@ def check(
     attitude: Any = False,
     method: str | None = None,
 ) -> Problem:
-    """Check the arguments of a public function, states of a body and eps; return a `Problem`.
+    """Return a `Problem` of the checked arguments of a public function.
 
-    States may be NaN. They have the components of the body, unless `components` are other names.
-    Messages call them `name`, with x in place of omega for fields. `attitude` is False, or True for
-    the identity, or rotations. The default of `method` is the first method of the map.
+    States `omega` may be NaN; errors call them `name`. They have components of these names, by
+    default the components of the body. True as an attitude is the identity for all states.
     """
     labels, turns = components or body._labels, None
     if body._variable == "x":

@@ -24,8 +24,6 @@ def test_a_map_is_the_rational_map_of_its_function():
 
 
 # QRT maps (Quispel, Roberts and Thompson 1988): A and B are the matrices of two biquadratics.
-
-
 def biquadratic(A, x, y):
     return np.array((x**2, x, 1)) @ np.array(A, object) @ (y**2, y, 1)
 
@@ -111,8 +109,6 @@ def test_the_symmetric_qrt_map_of_twelve_letters():
 
 # Three-dimensional QRT maps (Alonso, Suris and Wei 2023): each involution goes along a generator of
 # x1 x2 = lambda x3 to its second point on a quadric P_0 = mu P_1.
-
-
 def P_0(x, h=1):
     x, y, z = x
     return x * z + 2 * h * y + z**2 - h**2
@@ -160,8 +156,6 @@ def test_a_qrt_map_in_three_dimensions(finished):
 
 # Lotka-Volterra systems of trees (van der Kamp, McLachlan, McLaren and Quispel 2023): equations of
 # neighbours i and k differ only in the columns i and k, and a x_i + b x_k is a Darboux polynomial.
-
-
 @pytest.mark.parametrize(
     ("A", "edges"),
     [

@@ -90,9 +90,7 @@ def assert_derivative(map, x):
     assert all(type(a) is F for a in (*map(x), *jacobian[0], map.determinant(x)))
 
 
-# Maps.
-
-
+# --------------------------------------------------------------------------------------------- maps
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("n", [1, 2, 3, 6])
 def test_the_map_its_inverse_and_its_derivative(n):
@@ -135,9 +133,7 @@ def test_a_letter_in_the_coefficients():
         map.subs(λ=2)
 
 
-# Degrees and their growth.
-
-
+# ------------------------------------------------------------------------- degrees and their growth
 HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/2
 
 
@@ -200,9 +196,7 @@ def test_recurrences_that_are_refused():
     assert growth_of([*late, 7, 7])[:2] == ("bounded", 0)
 
 
-# Relations along orbits, and polynomials of one cofactor.
-
-
+# ------------------------------------------ relations along orbits, and polynomials of one cofactor
 def assert_basis(found, map):
     """Polynomials vanish along the orbit of the point; quotients of integrals are conserved."""
     x = found.point
@@ -331,9 +325,7 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: p)
 
 
-# Reports.
-
-
+# ------------------------------------------------------------------------------------------ reports
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("given", "degree", "kind", "integrals", "measure", "planes"),
@@ -477,9 +469,7 @@ def test_systems_of_the_zoo_have_the_integrals_of_the_literature(name, rng):
         np.testing.assert_allclose(along, 0.0, atol=1e-13)
 
 
-# Numbers, limits and bad input.
-
-
+# -------------------------------------------------------------------- numbers, limits and bad input
 def test_fractions_of_a_body_are_exact():
     """Their floats are those of the body; no warning says that the map has floats."""
     I1, I2, I13 = F(5, 3), F(1009, 1013), F(1, 3) + F(1, 2**70)

@@ -51,8 +51,6 @@ def error(found, inputs, solution):
 
 
 # Each function returns the error of one kernel for a problem, relative to what is promised.
-
-
 def of_exact(draw, inputs):
     n = adversary.index(draw, 15.95)
     if draw.chance(0.2) and has_real_powers(inputs):

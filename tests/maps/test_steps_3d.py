@@ -105,8 +105,6 @@ def test_three_components():
 
 
 # ------------------------------------------------------------------------------- to the bit
-
-
 @pytest.fixture
 def mixture(rng):
     """A batch of bodies and gyrostats of all kinds: body, states and eps."""
@@ -245,8 +243,6 @@ def test_small_states(size):
 
 
 # ---------------------------------------------------------------------- of the closed form
-
-
 def test_a_parabolic_orbit():
     """|k| = A exactly: both limits are the one steady state, which is met as 1 / n."""
     body = sf.Suslov3D(1, 1, 1, 0, 1.0)

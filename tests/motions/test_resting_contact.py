@@ -26,16 +26,16 @@ def balls(rng, n=60):
 
 @pytest.mark.parametrize("stiff", [None, True])
 def test_balls_rest_on_floors_anywhere(rng, stiff):
-    """The last bounces are sought among heights that are rounding beside the floor.
+    """Among heights that are rounding; one of 60 is so high that it ends there, the others rest.
 
-    One of 60 is so high that it ends there; the others rest.
+    Gravity and reaction cancel with a rounding error; T**2 / 2 times that would be 1e-4.
     """
     ball, bounce, starts, (floor, g, e, h, v) = balls(rng)
     speed = np.sqrt(v * v + 2 * g * h)
     first = (v + speed) / g
     right = first + 2 * speed * e / g / (1 - e)
-    given = {"time": 10 * right.max(), "rtol": 1e-11, "stiff": stiff}
-    motion = flow(ball, starts, events=bounce, **given)
+    assert right.max() < 1e5
+    motion = flow(ball, starts, time=1e6, events=bounce, rtol=1e-11, stiff=stiff)
     ends = motion.status == Status.ACCUMULATES
     assert (ends | motion.ok).all()
     assert ends.sum() <= 1
@@ -44,15 +44,6 @@ def test_balls_rest_on_floors_anywhere(rng, stiff):
     allowed = np.stack([1e-15 * abs(floor) + 1e-13 * h, 1e-13 * g], axis=-1)
     rest = np.stack([floor, 0.0 * floor], axis=-1)
     assert (abs(motion.final - rest) <= allowed)[motion.ok].all()
-
-
-def test_bodies_at_rest_do_not_drift(rng):
-    """Gravity and reaction cancel with a rounding error; T**2 / 2 times that would be 1e-4."""
-    ball, bounce, starts, (floor, *_) = balls(rng)
-    motion = flow(ball, starts, time=1e6, events=bounce)
-    gap = abs(motion.final - np.stack([floor, 0.0 * floor], axis=-1))[motion.ok]
-    assert motion.ok.sum() >= 59
-    assert (gap <= 1e-12).all()
 
 
 def test_balls_stay_on_tables_that_vibrate_for_long():

@@ -329,24 +329,17 @@ def test_starts_on_a_surface_along_which_the_solution_slides():
 
 
 @pytest.mark.parametrize("at", [0.0, 0.1])
-def test_records_on_the_surface_of_sliding_are_no_rounding(at):
+def test_events_on_the_surface_of_sliding_are_no_rounding(at):
     """One for each solution that comes to the surface and stays there; x0 decides which ones do."""
     rng = np.random.default_rng(9)
-    k, c = rng.uniform(0.3, 1.5, 300), rng.uniform(-2, 2, 300)
-    x, y = rng.normal(0, 1.5, (2, 300))
+    k, c, (x, y) = rng.uniform(0.3, 1.5, 300), rng.uniform(-2, 2, 300), rng.normal(0, 1.5, (2, 300))
     f = Field(lambda s, k, c: (c * s[1] - k * np.sign(s[0] - at), -0.2 * s[1]), "x y", k=k, c=c)
-    found = flow(f, np.stack([x, y], axis=1), time=60.0, events=Event(lambda s: s[0] - at)).events
     slow = abs(c * y) < k  # so that all come to the surface and slide for good
     assert slow.sum() > 100
-    assert (np.bincount(found.trajectory, minlength=300)[slow] == 1).all()
-
-
-def test_an_action_on_the_surface_of_sliding_acts_once():
-    rng = np.random.default_rng(9)
-    k, c, (x, y) = rng.uniform(0.3, 1.5, 300), rng.uniform(-2, 2, 300), rng.normal(0, 1.5, (2, 300))
-    f = Field(lambda s, k, c: (c * s[1] - k * np.sign(s[0]), -0.2 * s[1]), "x y", k=k, c=c)
-    act = Event("x", to=lambda s: (s[0], 0.7 * s[1]))
-    found = flow(f, np.stack([x, y], axis=1), time=30.0, events=act)
-    slow = (abs(c * y) < k) & (abs(x) < 20 * (k - abs(c * y)))  # all come to the surface and stay
+    for to in (None, lambda s: (s[0], 0.7 * s[1])):
+        event = Event(lambda s: s[0] - at, to=to)
+        motion = flow(f, np.stack([x, y], axis=1), time=[30.0, 60.0], events=event)
+        assert (np.bincount(motion.events.trajectory, minlength=300)[slow] == 1).all()
+    soon = slow & (abs(x) < 20 * (k - abs(c * y)))  # before 30
     right = 0.7 * y * np.exp(-6.0)
-    np.testing.assert_allclose(found.states[0, slow, 1], right[slow], rtol=1e-7)
+    np.testing.assert_allclose(motion.states[0, soon, 1], right[soon], rtol=1e-7)

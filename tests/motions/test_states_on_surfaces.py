@@ -9,7 +9,7 @@ import pytest
 
 from suslov_fast import Event, Field, Status, flow, periodic_orbit
 
-FREE = "x v"
+FREE = Field(lambda s: (s[1], 0.0), "x v")
 N = 60
 
 
@@ -61,7 +61,7 @@ def compare(motion, loops, way=1):
 
 
 def field(sign=1.0):
-    return Field(lambda s, **_: (sign * s[1], 0.0), FREE, a=1.0, b=2.0, q=1.0, c=0.0, d=0.0)
+    return Field(lambda s, **_: (sign * s[1], 0.0), "x v", a=1.0, b=2.0, q=1.0, c=0.0, d=0.0)
 
 
 def crossing(name, direction, to=None):
@@ -126,11 +126,10 @@ def test_events_that_leave_states_on_other_surfaces(rng, name, way):
 
 def test_records_and_actions_find_the_same_crossings():
     """The first event puts the state on the surface of the second, from where it goes back."""
-    free = Field(lambda s: (s[1], 0.0), FREE)
     moved = Event(lambda s: s[0] - 1, to=(lambda s: (2.0, -1.0)))
     for own in ({}, {"terminal": True}, {"to": lambda s: (s[0] + 3, s[1])}):
         second = Event(lambda s: s[0] - 2, direction="down", **own)
-        motion = flow(free, [0.0, 0.5], time=2.5, events=[moved, second])
+        motion = flow(FREE, [0.0, 0.5], time=2.5, events=[moved, second])
         assert motion.events.count.tolist() == [1, 0]
         np.testing.assert_allclose(motion.states, [[1.5, -1.0]], rtol=1e-14)
 
@@ -232,31 +231,28 @@ def test_derivatives_through_guards(rng, name):
 
 def test_an_instant_ends_with_the_trajectory():
     """Each gate puts the state on the other one, from where it goes on at once."""
-    free = Field(lambda s: (s[1], 0.0), FREE)
     gates = [
         Event(lambda s: s[0] - 0.3, direction="up", to=lambda s: (-1, s[1]), most=3),
         Event(lambda s: s[0] + 0.5, direction="down", to=lambda s: (1, s[1])),
     ]
-    motion = flow(free, [0.1, 1.0], time=1.9, events=gates)
+    motion = flow(FREE, [0.1, 1.0], time=1.9, events=gates)
     assert motion.events.count.tolist() == [3, 2]
 
 
 @pytest.mark.parametrize("stiff", [None, True])
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_events_at_the_last_time(rng, stiff, level):
-    free = Field(lambda s: (s[1], 0.0), FREE)
     v = rng.normal(size=500) * 10 ** rng.uniform(-4, 2, 500)
     for T in (0.3, 1.0, 7.1):
         x0 = np.stack([level - v * T, v], axis=-1)
         event = Event(f"x - {level}")
-        motion = flow(free, x0, time=[T / 3, T], events=event, stiff=stiff)
+        motion = flow(FREE, x0, time=[T / 3, T], events=event, stiff=stiff)
         assert (motion.events.count == 1).all()
 
 
 @pytest.mark.parametrize("factor", [1e-290, 1e-305, 1e-310])
 def test_surfaces_near_the_least_numbers(factor):
-    free = Field(lambda s: (s[1], 0.0), FREE)
-    found = flow(free, [[-1.0, 1.0], [0.0, 1.0]], time=2.0, events=Event(lambda s: factor * s[0]))
+    found = flow(FREE, [[-1.0, 1.0], [0.0, 1.0]], time=2.0, events=Event(lambda s: factor * s[0]))
     assert found.events.count.tolist() == [[1], [0]]
 
 

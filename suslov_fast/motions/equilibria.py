@@ -1,7 +1,5 @@
 """Equilibria of fields near given states, and fixed points of maps, by Newton's method.
 
-SciPy's methods follow if Newton's method is not enough.
-
 Linear integrals c . x of f keep their values: the equation of each integral replaces an equation of
 f that follows from the others. A Newton step is the solution of least norm of the linear equations.
 Rows of their matrix are scaled to 1, so that units of rates do not matter. Unknowns are in units of
@@ -56,7 +54,9 @@ class Equilibria(NamedTuple):
         constant rate. For a `Map` they are its multipliers, by decreasing modulus. In conjugate
         pairs Im > 0 comes first.
     status : ndarray(int, shape=(...))
-        The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`.
+        The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`. It is `DEGENERATE`
+        where f' is singular up to rounding: at a multiple root, where states have 7 digits, and on
+        a family of equilibria, of which the result is a member near the given state.
     stable : ndarray(bool, shape=(...))
         True where the status is `OK` and the equilibrium attracts: all eigenvalues have negative
         real parts, except the zeros that belong to linear integrals. For a `Map` all multipliers
@@ -147,18 +147,9 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     Returns
     -------
     Equilibria
-        A named tuple of `states` (..., D), `eigenvalues` of f' (..., k), `status`, `stable` and
-        `kind` (...); its method ``distinct`` lists each state once. If a variable has a constant
+        A named tuple; its method ``distinct`` lists each state once. If a variable has a constant
         rate in all members, such as time, it keeps the value that it has in `near`, and has neither
-        an equation nor an eigenvalue. Where no equilibrium is found, states are NaN and the status
-        is negative. The status is `DEGENERATE` where f' is singular up to rounding. That is so at a
-        multiple root, where states have 7 digits, and on a family of equilibria, of which the
-        result is a member near the given state.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument has the wrong type or shape, or is infinite.
+        an equation nor an eigenvalue.
 
     Warns
     -----
@@ -206,20 +197,16 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
+        has_line = np.zeros(batch, bool)
         if (line := body._steady_line) is not None:
-            has_line = ~np.isnan(line).any(axis=-1)
+            has_line = np.broadcast_to(~np.isnan(line).any(axis=-1), batch)
             x = np.where(has_line[..., np.newaxis], _on_line(line, x), x)
         equations = _Equations(field, x)
         has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
-        if line is None or not has_line.all():
-            y, is_found, is_degenerate, is_family = _found(equations, has_value)
-        else:
-            y, is_found = equations.start, has_value
-            is_degenerate = is_family = np.zeros(batch, bool)
-        if line is not None:
-            y = np.where(has_line[..., np.newaxis], equations.start, y)
-            is_found = np.where(has_line, has_value, is_found)
-            is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
+        y, is_found, is_degenerate, is_family = _found(equations, has_value & ~has_line)
+        y = np.where(has_line[..., np.newaxis], equations.start, y)
+        is_found = np.where(has_line, has_value, is_found)
+        is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
         slopes = field.jacobian(x)[..., equations.moving, :][..., equations.moving]
         values = _eigenvalues(slopes, is_map)
@@ -257,25 +244,25 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
 def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], Any]:
     """Return the kinds of equilibria, and True where they attract, from rates of growth (..., k).
 
-    Rates below `rounding` in modulus decide nothing; `turns` is True for complex eigenvalues.
+    A rate counts as 0 if its modulus is at most `rounding`; `turns` is True if eigenvalues are
+    complex.
     """
     grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
     attracts = (growth < -rounding).all(axis=-1)
-    is_planar = growth.shape[-1] == 2
-    one_way = np.where(grows, "repelling", "attracting")
-    if is_planar:
+    one_way, others = np.where(grows, "repelling", "attracting"), np.array("neutral")
+    if growth.shape[-1] == 2:
         one_way = np.char.add(one_way, np.where(turns, " focus", " node"))
-    others = np.where(turns & is_planar, "centre", "neutral")
+        others = np.where(turns, "centre", "neutral")
     return np.select([grows & falls, grows | attracts], ["saddle", one_way], others), attracts
 
 
 def _on_line(direction: FloatArray, x: FloatArray) -> FloatArray:
     """Return the states nearest to x on the line of steady states through 0 along `direction`.
 
-    Newton's method would converge slowly there, because f is homogeneous: each step halves x.
+    Newton's method converges slowly to this line, because f is homogeneous: each step halves x.
     """
-    square = np.asarray((direction**2).sum(axis=-1, keepdims=True))
-    along = (x * direction).sum(axis=-1, keepdims=True) / np.where(square > 0, square, 1.0)
+    square = (direction**2).sum(axis=-1, keepdims=True)
+    along = (x * direction).sum(axis=-1, keepdims=True) / square
     return np.where(square > 0, along * direction, x)  # if `square` is 0, all states are steady
 
 
@@ -292,10 +279,9 @@ class _Equations:
 
     def __init__(self, field: Any, x: FloatArray, totals: Any = None, moving: Any = None) -> None:
         self.field, self.x = field, x
-        lists = field._listed_right_hand_sides
-        steady = [np.isin(np.arange(field.dimension), f.steady) for _, f, _ in lists]
-        all_moving = ~np.logical_and.reduce(steady) if steady else np.ones(field.dimension, bool)
-        self.moving = all_moving if moving is None else moving
+        steady = [{*f.steady} for _, f, _ in field._listed_right_hand_sides]
+        left_out = [*set.intersection(*steady)] if steady else []
+        self.moving = ~np.isin(np.arange(field.dimension), left_out) if moving is None else moving
         self.start = x[..., self.moving]
         self.totals = self._all_totals() if totals is None else totals
         self.is_total: Any = self.totals.any(axis=-1)

@@ -151,7 +151,6 @@ def test_the_folder_of_the_files_of_a_function(body, monkeypatch):
 PRIVATE = {
     "_cache": "numba.core.dispatcher.Dispatcher",
     "FunctionCache": "numba.core.caching",
-    "CompileResultWAP": "numba.types",
 }
 HIDE = """
 import sys, numba

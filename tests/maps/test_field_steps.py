@@ -205,7 +205,7 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
         calls.append(given)
         return call(*given)
 
-    assert pivoting_step.address
+    assert pivoting_step.address()
     monkeypatch.setattr(kernel, "call", counted)
     x0 = rng.normal(size=(700, 4)) * rng.choice([0.1, 1.0, 30.0], size=(700, 1))
     for method in ("auto", "order4"):

@@ -86,7 +86,7 @@ def take_dense(threads, arguments, omega0, span, output):
     of_terms = len(fractions), W if max(map(len, parameters)) > 1 else 1, T
     shapes = (W, D, D + 1), (W, D + 1, D), (W, D), of_terms, of_terms, (D * (D + 3),)
     memory = Memory(*(np.empty((threads, *shape)) for shape in shapes))
-    address = solve_at.address if solve_at.is_compiled else 0
+    address = solve_at.address() if solve_at.is_compiled else 0
     needs = np.zeros(1, np.int64)
     field = Dense(*_runs_of(scheme.step), fractions, *parameters, address, needs)
     changed = output.final, output.carry, output.status, output.failed_at
@@ -98,7 +98,7 @@ def take_dense(threads, arguments, omega0, span, output):
     if needs[0] and not address:
         for array, copy in zip(changed, before, strict=True):
             array[:] = copy
-        call(field._replace(solve_at=solve_at.address), memory, span, output)
+        call(field._replace(solve_at=solve_at.address()), memory, span, output)
 
 
 @function

@@ -105,7 +105,7 @@ class _Lines:
         pivoting_address, in_python = 0, False
         is_field = self.scheme.step.of is None
         if is_field and (seconds is not None or (pivoting_step.is_compiled and not is_short)):
-            pivoting_address = pivoting_step.address_for(seconds or 0.0)
+            pivoting_address = pivoting_step.address(seconds or 0.0)
             in_python = not pivoting_step.is_compiled
         numbers, _kept_alive = self._driver_arguments(start, steps, *rows, pivoting_address)
         of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)

@@ -63,11 +63,10 @@ def keep(arrays):
 
 
 def block_of(rows, lanes):
-    """Return a function that makes a block (rows, lanes) for a kernel.
+    """Return a function that makes an array (rows, lanes) on the stack of a kernel, 64 KiB at most.
 
-    The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line: vectors
-    that straddle two lines take up to 1.5 times as long. Because the shape is a constant, the
-    compiler knows that rows do not overlap. All numbers are equal at first, and normal.
+    LLVM knows that rows do not overlap, because the shape is a constant. The array begins at a
+    cache line: vectors that straddle two lines take up to 1.5 times as long.
     """
 
     def block():
@@ -83,7 +82,7 @@ def block_of(rows, lanes):
         with builder.goto_entry_block():
             memory = builder.alloca(ir.DoubleType(), rows * lanes)
         memory.align = 8 * LINE
-        # Bytes of 63 make doubles of about 5e-4; subnormals in unused lanes would be slow.
+        # Bytes of 63 make doubles of about 5e-4. Subnormals, in lanes without data, would be slow.
         data = builder.bitcast(memory, context.get_value_type(types.voidptr))
         fill = builder.module.declare_intrinsic("llvm.memset", [data.type, word])
         builder.call(fill, [data, ir.Constant(byte, 63), size, ir.Constant(bit, 0)])
@@ -138,10 +137,10 @@ def array_at(typing, address, shape, dtype):
 
 @intrinsic
 def pack(typing, arguments):
-    """Return two addresses: of a function, and of the tuple `arguments`, which is its data.
+    """Return two addresses, valid while the caller runs: of a function, and of the `arguments`.
 
-    A parallel loop calls any kernel by this function of (kernel, data, part, parts): it calls the
-    address `kernel` with part, parts and all `arguments`. Both are valid while the caller runs.
+    The function (kernel, data, part, parts) calls the kernel at the address `kernel` with part,
+    parts and the arguments at the address `data`. So one loop in parallel can call all kernels.
     """
     result = types.UniTuple(types.int64, 2)
     word = ir.IntType(64)

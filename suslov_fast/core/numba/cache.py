@@ -7,7 +7,6 @@ that every edit makes new files. The folder must be as trusted as the code.
 
 import functools
 import hashlib
-import importlib.resources
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,24 +17,12 @@ try:
 except ImportError:
     caching = FunctionCache = None
 
-_PACKAGE = __package__.partition(".")[0]
-
 
 @functools.cache
 def _digest():
-    package = importlib.resources.files(_PACKAGE)  # a folder, or a part of an archive
-    files = [package.joinpath("compiled.py"), *_sources(package.joinpath("core"))]
-    content = b"".join(path.read_bytes() for path in files if path.is_file())
-    return hashlib.sha256(content).hexdigest()[:12]
-
-
-def _sources(folder):
-    """Yield the Python files in a folder and its subfolders, in the order of their names."""
-    for path in sorted(folder.iterdir(), key=lambda path: path.name) if folder.is_dir() else []:
-        if path.is_dir():
-            yield from _sources(path)
-        elif path.name.endswith(".py"):
-            yield path
+    core = Path(__file__).parents[1]
+    files = [*core.parent.glob("compiled.py"), *sorted(core.rglob("*.py"))]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]
 
 
 @functools.cache
@@ -47,16 +34,13 @@ def _delete_stale_files(folder):
 
 @functools.cache
 def _locators():
-    """Return the classes that Numba asks for a cache folder; NUMBA_CACHE_DIR is asked first.
-
-    That folder may be read-only, as in a container. Numba's own class would reject it.
-    """
+    """Return the classes that Numba asks for a cache folder, NUMBA_CACHE_DIR first."""
     usual = caching.CompileResultCacheImpl._locator_classes
     [named] = [each for each in usual if each.__name__.lstrip("_") == "UserProvidedCacheLocator"]
 
     class Named(named):
         def ensure_cache_path(self):
-            with suppress(OSError):
+            with suppress(OSError):  # a read-only folder, as in a container
                 super().ensure_cache_path()
 
     return [Named, *usual]
@@ -91,10 +75,7 @@ def _files_of(py_function):
 
 
 def use_cache(compiled, py_function):
-    """Give the compiled function of `py_function` its cache files, if there is a folder for them.
-
-    The name of the function, and so the names of its files, end with the digest of all sources.
-    """
+    """Give a compiled function its cache files, with the digest of all sources in their names."""
     py_function.__qualname__ += f"_{_digest()}"
     if FunctionCache is not None and hasattr(compiled, "_cache"):
         with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder

@@ -78,10 +78,7 @@ def _cached(compile_with, py_function):
 
 @functools.cache
 def _load_registries():
-    """Make Numba import all that it needs to compile, which an interrupt would leave half done.
-
-    A second thread waits: of two threads that import at once, each would get a part.
-    """
+    """Import what Numba compiles with. Ctrl-C and other threads wait, and never see half of it."""
     with uninterrupted(), suppress(ImportError, AttributeError):  # private names of Numba
         registry = importlib.import_module("numba.core.registry")
         with importlib.import_module("numba.core.compiler_lock").global_compiler_lock:
@@ -90,10 +87,7 @@ def _load_registries():
 
 @contextmanager
 def _compiling():
-    """Pause Python's garbage collector while a block compiles: it takes an eighth of the time.
-
-    If compiling fails with a newer Numba than TESTED, the error says so.
-    """
+    """Pause Python's garbage collector while a block compiles: it takes an eighth of the time."""
     _load_registries()
     was_enabled = gc.isenabled()
     gc.disable()
@@ -129,9 +123,9 @@ _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 @functools.cache
 def as_python(py_function, of_arrays=False):
-    """Return an uncompiled copy of a function that calls uncompiled functions alone; same bits.
+    """Return a copy of a function that calls no compiled code; its results have the same bits.
 
-    If `of_arrays`, formulas compute with arrays: `select` is `numpy.where`, and `math` is `numpy`.
+    If `of_arrays`, the copy computes with arrays: `select` is `numpy.where`, and `math` is `numpy`.
     """
     names = {}
     code = py_function.__code__
@@ -162,12 +156,12 @@ call_code.py_func, array_at.py_func = _call_code, _array_at
 
 
 class Tiered:
-    """A function of which Python interprets small calls at first; later it is compiled."""
+    """A function that Python interprets in small calls, until they take WARM_UP seconds."""
 
     seconds = 0.0  # seconds that interpreted calls have taken
 
     def is_warming_up(self, seconds):
-        """Return True if a call of `seconds` may be interpreted: all of them take < WARM_UP."""
+        """Return True if a call of `seconds` and all earlier calls take less than WARM_UP."""
         settings = config.DISABLE_JIT or config.BOUNDSCHECK
         return not settings and self.seconds + seconds < WARM_UP
 
@@ -183,9 +177,9 @@ class Tiered:
 
 # ------------------------------------------------------------------------------ compiled functions
 class Function:
-    """A function that compiled code calls, compiled by Numba with `options`.
+    """A function that compiled code calls. Calls from Python run it uncompiled.
 
-    It has no Python wrapper, which would make first calls a fifth longer: Python runs it as it is.
+    A wrapper of the compiled code for Python would make first calls a fifth longer.
     """
 
     def __init__(self, options, py_func):
@@ -245,14 +239,10 @@ class CFunction(Tiered):
         with _compiling():
             return _address(self.compiled, self.kinds)
 
-    @property
-    def address(self):
-        return self.address_for(math.inf)
+    def address(self, seconds=math.inf):
+        """Return the address of machine code, or of a Python function if it takes few `seconds`.
 
-    def address_for(self, seconds):
-        """Return the address of machine code, or of Python code if its calls take few `seconds`.
-
-        Machine code that may call Python code is called within `calling_python`.
+        Code that may call the Python function must run within `calling_python`.
         """
         is_small = not self.is_compiled and self.is_warming_up(seconds)
         if config.DISABLE_JIT or (is_small and not is_kept(self.compiled, self.kinds)):
@@ -305,18 +295,14 @@ class Kernel(Tiered):
         self.is_compiled = True
 
     def interpreted_or_serial(self, seconds, *arguments):
-        """Call the kernel for all of the work, in this thread: in Python, or compiled.
-
-        `seconds` is about how long Python takes. Python takes the call if no code is compiled or in
-        the cache, and if all such calls of this kernel take less than WARM_UP together.
-        """
+        """Do what `serial` does, in Python if that takes few `seconds` and nothing is compiled."""
         if self.is_compiled or not self.is_warming_up(seconds) or self._is_kept(arguments):
             self.serial(*arguments)
         else:
             self.interpret(as_python(self.py_func), 0, 1, *arguments)
 
     def by_numpy(self, *arguments):
-        """Take steps by NumPy if they are few and the kernel is not compiled; return True if so."""
+        """Return True after taking the steps by NumPy: if they are few and nothing is compiled."""
         if self.in_numpy is None or self.is_compiled:
             return False
         _, x0, span, _ = arguments
@@ -336,19 +322,14 @@ class Kernel(Tiered):
 
     def parallel(self, threads, *arguments):
         """Call the kernel in each of `threads` threads, for one part of the work each."""
-        # Kernels that check indices or are interpreted may raise, which a
-        # parallel loop of Numba ignores.
-        may_raise = config.BOUNDSCHECK or config.DISABLE_JIT
-        addresses = None
-        if not may_raise:
+        # Kernels that check indices or are interpreted may raise, which `prange` ignores.
+        if config.BOUNDSCHECK or config.DISABLE_JIT:
+            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
+        else:
             kind = self.compiled, _kind(arguments)
             if kind not in known_addresses:
                 known_addresses[kind] = _addresses(self.compiled, numba.typeof(arguments))
-            addresses = known_addresses[kind]
-        if addresses is None:
-            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [], threads)
-        else:
-            _start(*addresses, threads, arguments)
+            _start(*known_addresses[kind], threads, arguments)
         self.is_compiled = True
 
 
@@ -385,19 +366,11 @@ def _kind(argument):
 
 
 def _addresses(compiled, kind):
-    """Return two addresses: of the loop over parts, and of a kernel for a tuple of type `kind`.
-
-    Return None if a private name of Numba, here or in `arrays` and `intrinsics`, is missing or has
-    another meaning. Then Python threads take the parts, and an error in the kernel is raised again.
-    """
-    with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
-        addresses = _address(_loop, _WORDS), _address(compiled, (*_WORDS[:2], *kind))
-        _start.compile((*_WORDS[:3], kind))
-        return addresses
-    return None
-
-
-_WORDS = (types.int64,) * 4
+    """Return the addresses of the loop over parts, and of a kernel for a tuple of type `kind`."""
+    words = (types.int64,) * 4
+    with _compiling():
+        _start.compile((*words[:3], kind))
+        return _address(_loop, words), _address(compiled, (*words[:2], *kind))
 
 
 def _address(dispatcher, kinds):

@@ -46,10 +46,9 @@ def keeps_digits(b, l):
 
 @function
 def eliminate(a, b, lanes):
-    """Solve the systems `a` (m, columns, lanes) of all lanes in place, without row exchanges.
+    """Solve the systems of all lanes in place, without row exchanges; fill b[LEAST], b[LARGEST].
 
-    Solutions replace right sides. U replaces A above the diagonal, inverse pivots on it, and the
-    unit lower L below it. b[LEAST] and b[LARGEST] become moduli. Pairs of pivots halve loads.
+    Solutions replace right sides. L and U replace A, with inverse pivots on the diagonal.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
@@ -57,7 +56,7 @@ def eliminate(a, b, lanes):
     for i in range(m):
         for l in range(lanes):
             b[LARGEST, l] = simd_max(abs(a[i, i, l]), b[LARGEST, l])
-    for k in range(0, m, 2):
+    for k in range(0, m, 2):  # pairs of pivots halve the number of loads
         for second in range(k, lesser(k + 2, m)):
             if second > k:
                 for l in range(lanes):
@@ -98,10 +97,8 @@ def memory_of_one(m):
 def solve(a, units):
     """Solve one system (m, columns) in place, by scaling and partial pivoting; return its status.
 
-    Solutions replace right sides, and pivots of the scaled rows replace the diagonal. A pivot that
-    is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite give NONFINITE. `units`
-    (2, m) receives units of the unknowns, and factors of rows. det A is the product of
-    pivot k / units[1, k].
+    Solutions replace right sides. Pivots, with a product of the sign of det A, replace the
+    diagonal; if one is 0 to rounding, the status is SINGULAR. `units` (2, m) is memory.
     """
     weights = units[1]
     undefined, size = 0.0, 0.0
@@ -150,9 +147,9 @@ def solve(a, units):
 
 @inlined
 def balance(a, units):
-    """Rescale the unknowns of a system `a` (m, columns) by powers of two, written to `units` (m,).
+    """Rescale the unknowns of a system (m, columns) by powers of two, written to `units` (m,).
 
-    Then the largest off-diagonal entries in the row and column of each unknown are about equal.
+    The largest off-diagonal entries in the row and in the column of an unknown become about equal.
     """
     m, columns = a.shape
     for i in range(m):

@@ -1,6 +1,4 @@
-"""LLVM instructions for operations that Numba cannot express.
-
-These are calls by address, choices without branches, and stores past the caches.
+"""LLVM instructions: calls by address, choices without branches, and stores past the caches.
 
 Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
 `gep` name their types, because pointers of later versions of llvmlite have none. What is not in
@@ -53,10 +51,7 @@ def call_code(typing, address, numbers):
 
 
 class _WithAddress(types.NamedTuple):
-    """The type of a named tuple that begins with an address, which is valid in this process alone.
-
-    Because of this type, Numba caches no function that has such a tuple as a constant.
-    """
+    """Type of named tuples that begin with an address: Numba caches no code with one in it."""
 
 
 register_model(_WithAddress)(models.TupleModel)
@@ -101,8 +96,7 @@ def with_item(typing, named, place, value):
 def stream_pairs(target, i, b, row, l):
     """Interleave b[row, l : l + LINE] and b[row + 1, l : l + LINE] into target from index i on.
 
-    These are two whole cache lines, which are written past the caches, in half the time.
-    NUMBA_BOUNDSCHECK does not check the indices.
+    These two whole cache lines are written past the caches, which takes half the time.
     """
     target[i : i + 2 * LINE : 2] = b[row, l : l + LINE]
     target[i + 1 : i + 2 * LINE : 2] = b[row + 1, l : l + LINE]

@@ -19,33 +19,10 @@ from ..checks import wrong
 from ..core.cached import cached_property
 from ..fields.names import labels
 from ..keywords import public
-from . import arithmetic
+from . import arithmetic, polynomials, rational_functions
 from .arithmetic import EPS, Point, Values
-from .polynomials import (
-    Polynomials,
-    cleared,
-    coprime,
-    degree_of,
-    determinant,
-    exponents_in_x,
-    homogenized,
-    irreducible_factors,
-    modulo,
-    polynomial_ring,
-    random_line,
-    sort_key,
-    value_at,
-)
-from .rational_functions import (
-    RationalFunction,
-    WithLetters,
-    as_function,
-    factored,
-    over_common_denominator,
-    product_of,
-    quotients_of,
-    rational_roots,
-)
+from .polynomials import coprime, degree_of, irreducible_factors, modulo, sort_key, value_at
+from .rational_functions import RationalFunction, factored, over_common_denominator, rational_roots
 
 TERMS = 100_000  # the most terms of a polynomial that is factored, which takes some 5 s
 TERMS_IN_LETTERS = 3_000  # the most terms of a polynomial in several letters that is factored
@@ -53,7 +30,7 @@ LONGEST = 6.0  # the most seconds of a pullback, as estimated; longer ones are n
 FEW = 100  # monomials times degree of a map, up to which the image of a line takes little time
 
 
-class RationalMap(WithLetters):
+class RationalMap(rational_functions.WithLetters):
     """An exact birational map x_i~ = F_i(x) / F_0(x), made by `rational_map`.
 
     Called with a point, D rational numbers, it returns the next point, a tuple of fractions. At a
@@ -86,7 +63,7 @@ class RationalMap(WithLetters):
     @property
     def formulas(self) -> tuple[RationalFunction, ...]:
         """The components F_i / F_0 of the map, as functions of its variables and letters."""
-        return quotients_of(self.forms, self.names, self.letter)
+        return rational_functions.quotients_of(self.forms, self.names, self.letter)
 
     def __repr__(self) -> str:
         return f"rational_map({', '.join(map(str, self.formulas))})"
@@ -102,7 +79,7 @@ class RationalMap(WithLetters):
 
     def _with(self, numbers: Mapping[str, Fraction]) -> RationalMap:
         values = [arithmetic.fmpq(a) for a in self._all_numbers(numbers)]
-        forms = cleared(*(modulo(F, 0, values) for F in self.forms))
+        forms = polynomials.cleared(*(modulo(F, 0, values) for F in self.forms))
         if not any(forms) or forms[-1] == 0:
             where = ", ".join(f"{name} = {a}" for name, a in numbers.items())
             raise ArithmeticError(f"{self} is no map at {where}")
@@ -202,9 +179,9 @@ class RationalMap(WithLetters):
             if not self.is_symbolic:
                 return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
             point = arithmetic.rationals("point", point, self.dimension)
-        functions = [as_function(a).in_ring(self.ring) for a in point]
+        functions = [rational_functions.as_function(a).in_ring(self.ring) for a in point]
         image = self.homogeneous_image(over_common_denominator(functions, self.ring))
-        return quotients_of(image, self.names, self.letter)
+        return rational_functions.quotients_of(image, self.names, self.letter)
 
     @public
     def jacobian(self, point: Any) -> tuple[Point, ...]:
@@ -251,7 +228,7 @@ class RationalMap(WithLetters):
     @cached_property
     def ring(self) -> Any:
         """The ring of polynomials in x, and in the letters."""
-        return polynomial_ring(self.dimension, self.letters)
+        return polynomials.polynomial_ring(self.dimension, self.letters)
 
     @property
     def variables(self) -> list[Any]:
@@ -270,14 +247,14 @@ class RationalMap(WithLetters):
 
     def pullback(self, P: Any, degree: int, forms: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), for `forms` F_1, ..., F_D, F_0, by default the map's."""
-        return homogenized(P, degree, forms or self.forms, self.ring)
+        return polynomials.homogenized(P, degree, forms or self.forms, self.ring)
 
-    def pullbacks(self, space: Polynomials) -> list[Any]:
+    def pullbacks(self, space: polynomials.Polynomials) -> list[Any]:
         """Return F_0^d P(F / F_0) for all P, up to a common factor, for their highest degree d."""
         degree = max(map(degree_of, space))
         return [self.pullback(P, degree) for P in space]
 
-    def cost_of_pullbacks(self, space: Polynomials) -> float:
+    def cost_of_pullbacks(self, space: polynomials.Polynomials) -> float:
         """Return the estimated seconds for `pullbacks`."""
         degree = max(map(degree_of, space))
         return sum(self.cost_of_pullback(P, degree) for P in space)
@@ -291,7 +268,7 @@ class RationalMap(WithLetters):
     @cached_property
     def _monomials(self) -> int:
         """The number of different monomials in F_1, ..., F_0."""
-        return len({e for F in self.forms for e in exponents_in_x(F)})
+        return len({e for F in self.forms for e in polynomials.exponents_in_x(F)})
 
     @cached_property
     def length(self) -> float:
@@ -306,7 +283,7 @@ class RationalMap(WithLetters):
         all_monomials = math.comb(self.dimension + self.degree, self.dimension)
         most = self.terms_of_degree(degree * self.degree) * self._monomials / all_monomials
         lengths = [len(F) for F in self.forms]
-        exponents = ((*e, degree - sum(e)) for e in exponents_in_x(P))
+        exponents = ((*e, degree - sum(e)) for e in polynomials.exponents_in_x(P))
         powers = (zip(lengths, e, strict=True) for e in exponents)
         # The power n of t terms has a term for each monomial of degree n in t variables.
         terms = (math.prod(math.comb(t + n - 1, n) for t, n in product) for product in powers)
@@ -321,7 +298,7 @@ class RationalMap(WithLetters):
         # The matrix with the rows (grad F_i, F_i) has the determinant F_0^(D + 1) det DPhi.
         places = range(len(self.letters), len(self.letters) + self.dimension)
         rows = [[*(F.derivative(i) for i in places), F] for F in self.forms]
-        multiple = self._in_factors(determinant(rows))
+        multiple = self._in_factors(polynomials.determinant(rows))
         return multiple and multiple / factored(self.forms[-1]) ** (self.dimension + 1)
 
     def _in_factors(self, P: Any) -> RationalFunction | None:
@@ -332,7 +309,9 @@ class RationalMap(WithLetters):
         for f in {str(f): f for f in known}.values():
             P, power = arithmetic.divided_out(P, f)
             powers.append((f, power))
-        return None if len(P) > most else factored(P) * product_of(powers, Fraction(1))
+        if len(P) > most:
+            return None
+        return factored(P) * rational_functions.product_of(powers, Fraction(1))
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
@@ -356,7 +335,7 @@ class RationalMap(WithLetters):
     def _on_random_line(self) -> tuple[Any, ...]:
         """A random line modulo a prime, and F_1, ..., F_0 and `factors` as polynomials on it."""
         p = self.prime
-        *line, _ = random_line(self.dimension, p, random.Random(0))
+        *line, _ = polynomials.random_line(self.dimension, p, random.Random(0))
         line.append(flint.nmod_poly([1], p))
         factors = [value_at(modulo(f, p, EPS), line) for f in self.factors or ()]
         return line, self.at_eps(EPS).homogeneous_image(line), factors
@@ -377,7 +356,7 @@ class RationalMap(WithLetters):
             powers.append((f, more - less))
         if any(a.degree() for a in coprime([numerator, denominator])):
             return None
-        C = product_of(powers, Fraction(1))
+        C = rational_functions.product_of(powers, Fraction(1))
 
         def search(p: int, eps: Values) -> list[int]:
             x = arithmetic.random_point(self.dimension, p, random.Random(p))

@@ -22,25 +22,11 @@ from typing import Any, NamedTuple
 
 import flint
 
-from . import arithmetic
+from . import arithmetic, polynomials
 from .arithmetic import Values
 from .birational_maps import RationalMap
 from .pencils import count_factors
-from .polynomials import (
-    coefficients_in,
-    cramer,
-    decoded,
-    degree_of,
-    determinant,
-    homogenized,
-    irreducible_factors,
-    modulo,
-    monomial_values,
-    polynomial_ring,
-    primitive,
-    renamed,
-    value_at,
-)
+from .polynomials import coefficients_in, cramer, determinant, irreducible_factors, primitive
 
 _PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
 _TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried in this order
@@ -69,18 +55,18 @@ class Plane:
 
     def __init__(self, map: RationalMap) -> None:
         self.map, self.symbolic, self.degree = map, len(map.letters), map.degree
-        self.ring = polynomial_ring(3, map.letters)
+        self.ring = polynomials.polynomial_ring(3, map.letters)
         x = self.ring.gens()[self.symbolic :]
-        self.forms = [homogenized(F, self.degree, x, self.ring) for F in map.forms]
+        self.forms = [polynomials.homogenized(F, self.degree, x, self.ring) for F in map.forms]
         derivatives = [[F.derivative(self.symbolic + j) for j in range(3)] for F in self.forms]
         powers = irreducible_factors(determinant(derivatives)) if self.degree > 1 else []
-        self.curves = [P for P, _ in powers if degree_of(P)]
-        self.degrees = [degree_of(P) for P in self.curves]
+        self.curves = [P for P, _ in powers if polynomials.degree_of(P)]
+        self.degrees = [polynomials.degree_of(P) for P in self.curves]
 
     def text(self, number: int) -> str:
         """Return the equation of a contracted curve, given by its number, as text."""
-        P = renamed(self._affine(number), self.map.names, self.map.letter)
-        return "the line at infinity" if P == 1 else decoded(f"{P} = 0")
+        P = polynomials.renamed(self._affine(number), self.map.names, self.map.letter)
+        return "the line at infinity" if P == 1 else polynomials.decoded(f"{P} = 0")
 
     def count(self, number: int) -> int:
         """Return the number of complex curves into which the contracted curve `number` splits."""
@@ -107,8 +93,8 @@ class PlaneModulo:
 
     def __init__(self, plane: Plane, p: int, eps: Values, seed: int) -> None:
         self.p, self.rng = p, random.Random(seed)
-        self.forms = [modulo(F, p, eps) for F in plane.forms]
-        self.curves = [modulo(C, p, eps) for C in plane.curves]
+        self.forms = [polynomials.modulo(F, p, eps) for F in plane.forms]
+        self.curves = [polynomials.modulo(C, p, eps) for C in plane.curves]
         # Each monomial is evaluated once, for all polynomials that contain the monomial.
         terms = [P.to_dict() for P in (*self.forms, *self.curves)]
         self._monomials = tuple({e: None for of_one in terms for e in of_one})
@@ -132,7 +118,7 @@ class PlaneModulo:
         p = self.p
         for _ in range(_LINES):
             ends = [(self.rng.randrange(p), self.rng.randrange(p)) for _ in range(3)]
-            on_line = value_at(component, [flint.nmod_poly([*end], p) for end in ends])
+            on_line = polynomials.value_at(component, [flint.nmod_poly([*end], p) for end in ends])
             if on_line.degree() < 1:
                 continue
             for root, multiplicity in on_line.roots():
@@ -143,7 +129,7 @@ class PlaneModulo:
 
     def step(self, germ: Sequence[Any], terms: int) -> Step | None:
         """Return the `Step` of a germ with `terms` powers of t; None if all are 0 in its image."""
-        values = monomial_values(self._monomials, germ)
+        values = polynomials.monomial_values(self._monomials, germ)
         by_monomial = dict(zip(self._monomials, values, strict=True))
         series = [
             sum((c * by_monomial[e] for e, c in of_one), 0 * germ[0]) for of_one in self._terms

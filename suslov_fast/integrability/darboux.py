@@ -19,26 +19,13 @@ import flint
 from ..checks import integer, kind_of, wrong
 from ..fields.base import Body
 from ..keywords import public
-from . import arithmetic
+from . import arithmetic, polynomials
 from .arithmetic import EPS, EXTRA, Residues, Values
 from .birational_maps import TERMS, RationalMap
 from .exact_maps import checked_map
 from .interpolation import over_rationals
 from .invariants import Invariants
-from .polynomials import (
-    Polynomials,
-    degree_of,
-    exponents_up_to,
-    letters_of,
-    modulo,
-    monomial_values,
-    polynomials_with,
-    random_line,
-    renamed,
-    sort_key,
-    value_at,
-    with_plain_letters,
-)
+from .polynomials import Polynomials, degree_of, exponents_up_to, modulo, monomial_values
 from .rational_functions import RationalFunction, factored, product_of, rational_roots
 
 
@@ -67,7 +54,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any) -> Polynomials:
     if rows is None:
         raise ArithmeticError("the polynomials have too many terms, or too long coefficients")
     exponents = exponents_up_to(degree, map.dimension)
-    return polynomials_with(rows, exponents, letters_of(map.ring))
+    return polynomials.polynomials_with(rows, exponents, polynomials.letters_of(map.ring))
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any) -> int:
@@ -131,17 +118,18 @@ def darboux_polynomials(
     map = checked_map(map, letters)
     degree = checked_degree("degree", degree, map.dimension)
     if cofactor is None:
-        polynomials = _of_all_cofactors(map, degree)
+        space = _of_all_cofactors(map, degree)
     elif cofactor == map.determinant:
-        polynomials = space_of(map, degree, Determinant(map))
+        space = space_of(map, degree, Determinant(map))
     else:
         if callable(cofactor) and not isinstance(cofactor, RationalFunction):
             expected = "map.determinant, a number or a result of cofactors(map, degree)"
             raise wrong("cofactor", expected, kind_of(cofactor), TypeError)
         if not callable(cofactor):
             cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
-        polynomials = space_of(map, degree, cofactor)
-    return tuple(with_plain_letters(renamed(P, map.names, map.letter)) for P in polynomials)
+        space = space_of(map, degree, cofactor)
+    space = tuple(polynomials.renamed(P, map.names, map.letter) for P in space)
+    return tuple(polynomials.with_plain_letters(P) for P in space)
 
 
 def _of_all_cofactors(map: RationalMap, degree: int) -> Polynomials:
@@ -150,7 +138,7 @@ def _of_all_cofactors(map: RationalMap, degree: int) -> Polynomials:
     usual = [RationalFunction(()), map.jacobian_cofactor]
     for k in range(1, degree + 1):
         for cofactor in dict.fromkeys([*cofactors_of_degree(map, k), *usual]):
-            for P in sorted(space_of(map, k, cofactor), key=sort_key):
+            for P in sorted(space_of(map, k, cofactor), key=polynomials.sort_key):
                 if not known.is_known(P, cofactor):
                     known.add(replace(factored(P), cofactor=cofactor))
             known.normalize(known.value(cofactor))
@@ -334,7 +322,7 @@ def _divisors(
     if at_infinity:
         divisors, sizes = [modulo(map.ring.constant(1), p, eps), *divisors], [1, *sizes]
     enough = 1 + 2 * count // min(sizes, default=1)
-    lines = [random_line(map.dimension, p, rng) for _ in range(enough)]
+    lines = [polynomials.random_line(map.dimension, p, rng) for _ in range(enough)]
     at_number = map.at_eps(eps)
     pullbacks = [monomial_values(monomials, at_number.coprime_image(line)) for line in lines]
 
@@ -344,7 +332,7 @@ def _divisors(
         rows: Residues = []
         enough = 1 + 2 * count // divisor_degree
         for line, of_monomials in zip(lines[:enough], pullbacks, strict=False):
-            divisor = value_at(f, line, size) ** power
+            divisor = polynomials.value_at(f, line, size) ** power
             remainders = [pullback % divisor for pullback in of_monomials]
             rows += [[remainder[j] for remainder in remainders] for j in range(divisor_degree)]
         return arithmetic.row_space(rows, p)

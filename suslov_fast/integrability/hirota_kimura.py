@@ -16,27 +16,15 @@ import numpy as np
 from ..checks import integer, short, wrong
 from ..fields.base import Body
 from ..keywords import public
-from . import arithmetic
+from . import arithmetic, polynomials, rational_functions
 from .arithmetic import Point, Residues, Rows, Values
 from .birational_maps import RationalMap
 from .darboux import checked_degree
 from .exact_maps import checked_map
 from .interpolation import over_rationals
 from .linear_relations import count_relations, integrals_of_relations, relations_along
-from .polynomials import (
-    Exponents,
-    Polynomials,
-    exponents_up_to,
-    polynomials_with,
-    renamed,
-    sort_key,
-)
-from .rational_functions import (
-    RationalFunction,
-    over_common_denominator,
-    quotient_of,
-    rank_of_quotients,
-)
+from .polynomials import Exponents, Polynomials, exponents_up_to, renamed, sort_key
+from .rational_functions import RationalFunction, over_common_denominator, quotient_of
 from .search import Search
 
 _MOST = 500  # largest number of monomials in relations along orbits
@@ -73,8 +61,8 @@ class HKBasis:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
         one: dict[Values, Any] = {(): Fraction(1)}
         rows: Rows = [[({(): a}, one) for a in row] for row in self.basis or ()]
-        polynomials = polynomials_with(rows, self.monomials)
-        return tuple(renamed(P, self.names) for P in polynomials)
+        space = polynomials.polynomials_with(rows, self.monomials)
+        return tuple(renamed(P, self.names) for P in space)
 
     def __repr__(self) -> str:
         text = (
@@ -83,7 +71,7 @@ class HKBasis:
         )
         if self.complete:
             return text
-        missing = self.independent - rank_of_quotients(self.forms)
+        missing = self.independent - rational_functions.rank_of_quotients(self.forms)
         return f"{text}; {missing} more independent: try a higher degree, or `report`"
 
 
@@ -151,7 +139,7 @@ def hk_bases(
                 break
     elif independent:
         integrals = integrals_of_relations(map, exponents)
-    complete = rank_of_quotients(integrals) == independent
+    complete = rational_functions.rank_of_quotients(integrals) == independent
     basis: tuple[Point, ...] | None = None if map.is_symbolic else ()
     if not map.is_symbolic and (dimension > 0 or point is not None):
 

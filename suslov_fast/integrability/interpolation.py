@@ -24,16 +24,8 @@ from typing import Any
 import flint
 import numpy as np
 
-from .arithmetic import (
-    Residues,
-    Rows,
-    Values,
-    divided_out,
-    fmpq,
-    random_prime,
-    random_values,
-    simplest_fraction,
-)
+from . import arithmetic
+from .arithmetic import Residues, Rows, Values, divided_out, fmpq, random_prime, random_values
 
 Search = Callable[[int, Values], Residues]  # called with a prime and numbers for letters
 Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coefficient}
@@ -127,7 +119,7 @@ def _simplest(exponents: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
     for coefficients, p in residues:  # the Chinese remainder theorem
         total = total + modulus * ((coefficients - total) * pow(modulus, -1, p) % p)
         modulus *= p
-    fractions = iter([simplest_fraction(a, modulus) for a in total])
+    fractions = iter([arithmetic.simplest_fraction(a, modulus) for a in total])
     return [
         [({e: next(fractions) for e in N}, {e: next(fractions) for e in D}) for N, D in row]
         for row in exponents

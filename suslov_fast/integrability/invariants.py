@@ -22,34 +22,12 @@ from typing import Any, NamedTuple
 
 import flint
 
-from . import arithmetic
+from . import arithmetic, polynomials, rational_functions
 from .arithmetic import EPS, divided_out
 from .birational_maps import RationalMap
 from .pencils import count_factors, reducible_members
-from .polynomials import (
-    coefficient_of,
-    degree_of,
-    exponents_in_x,
-    has_constant_term,
-    letters_in,
-    limit,
-    rank,
-    selected,
-    sort_key,
-    variables_of,
-    with_independent_limits,
-    without_content,
-)
-from .rational_functions import (
-    IDENTITY,
-    MODULAR,
-    RationalFunction,
-    as_function,
-    factored,
-    independent,
-    quotient_of,
-    without_constant,
-)
+from .polynomials import coefficient_of, degree_of, has_constant_term, sort_key, without_content
+from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
 
 _TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
 _WEIGHT = 2**40  # weight of equations in a lattice
@@ -117,8 +95,8 @@ class Invariants:
         """Return True if P is constant, or a linear combination of products with this cofactor."""
         degree = degree_of(P)
         self.multiply_up_to(degree)
-        elements = self.elements(self.value(cofactor), degree)
-        return degree == 0 or rank([*map(self.polynomial, elements), P]) == len(elements)
+        space = [*map(self.polynomial, self.elements(self.value(cofactor), degree))]
+        return degree == 0 or polynomials.rank([*space, P]) == len(space)
 
     def _start_with(self, generators: list[RationalFunction]) -> None:
         self.generators, self.products = [], {1: [_ONE]}
@@ -130,7 +108,7 @@ class Invariants:
         products = self.products[self.value(generator.cofactor)]
         of_several = (product.powers for product in products if sum(product.powers) > 1)
         lower = [self.polynomial(self.power_product(powers)) for powers in of_several]
-        return rank([*lower, self.polynomial(generator)]) == rank(lower)
+        return polynomials.rank([*lower, self.polynomial(generator)]) == polynomials.rank(lower)
 
     def _multiply_by(self, generator: RationalFunction) -> list[tuple[int, int]]:
         """Add a generator and its products with others; return (cofactor value, degree) of each."""
@@ -162,12 +140,12 @@ class Invariants:
         modified = self.map.modified_energy
         basis = normal_basis(space, [modified.as_quotient(self.map.ring)[0]] if modified else [])
         denominator, *others = map(factored, basis)
-        self.forms[value] = [without_constant(P / denominator) for P in others]
+        self.forms[value] = [rational_functions.without_constant(P / denominator) for P in others]
         # Products of generators of other cofactors stay; the others are replaced.
         texts = {str(self.generators[k]) for k in self._numbers(value)}
         kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
-        proved = all(f.basis == IDENTITY for f in elements)
-        new = self._replace(value, [*selected(basis, kept)], IDENTITY if proved else MODULAR)
+        proof = IDENTITY if all(f.basis == IDENTITY for f in elements) else MODULAR
+        new = self._replace(value, [*polynomials.selected(basis, kept)], proof)
         self._normal[value] = str([*map(self.polynomial, self.elements(value))])
         return new
 
@@ -175,17 +153,17 @@ class Invariants:
         """Return the numbers of the generators with this cofactor value."""
         return [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
 
-    def _replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace generators of this cofactor value by `polynomials`; return those that change.
+    def _replace(self, value: int, space: list[Any], basis: str) -> list[RationalFunction]:
+        """Replace generators of this cofactor value by `space`; return those that change.
 
         Degrees must be the same, else none changes; `basis` says how polynomials were confirmed.
         """
         numbers = sorted(self._numbers(value), key=lambda k: self.generators[k].degree)
-        polynomials = sorted(polynomials, key=degree_of)
-        if [self.generators[k].degree for k in numbers] != [degree_of(P) for P in polynomials]:
+        space = sorted(space, key=degree_of)
+        if [self.generators[k].degree for k in numbers] != [degree_of(P) for P in space]:
             return []
         new = []
-        for k, P in zip(numbers, polynomials, strict=True):
+        for k, P in zip(numbers, space, strict=True):
             old = self.generators[k]
             g = replace(factored(P), constant=Fraction(1), basis=basis, cofactor=old.cofactor)
             if str(g) != str(old):
@@ -204,7 +182,7 @@ class Invariants:
         functions = [self.power_product(product.powers) for product in products]
         pairs = [(f, self.polynomial(f)) for f in functions]
         pairs.sort(key=lambda pair: sort_key(pair[1]))
-        return [f for f, _ in selected(pairs, of=itemgetter(1))]
+        return [f for f, _ in polynomials.selected(pairs, of=itemgetter(1))]
 
     def polynomial(self, f: RationalFunction) -> Any:
         """Return f, a product of polynomials, as one polynomial, without constant denominator."""
@@ -223,7 +201,8 @@ class Invariants:
         products = (_f_or_reciprocal(self.power_product(powers)) for powers in relations)
         candidates = sorted(self._quotients(), key=_sort_key)
         candidates += sorted(map(_with_varying_limit, products), key=_sort_key)
-        return tuple(map(_without_constant_term, independent(candidates, self.p)))
+        functions = rational_functions.independent(candidates, self.p)
+        return tuple(map(_without_constant_term, functions))
 
     def _quotients(self) -> Iterator[RationalFunction]:
         """Yield quotients of polynomials with the same cofactor, in normal form if it is known."""
@@ -231,8 +210,8 @@ class Invariants:
             functions = self.elements(value)
             forms = self.forms.get(value, [])
             if len(forms) == len(functions) - 1:
-                proved = all(f.basis == IDENTITY for f in functions)
-                yield from (replace(f, basis=IDENTITY if proved else MODULAR) for f in forms)
+                proof = IDENTITY if all(f.basis == IDENTITY for f in functions) else MODULAR
+                yield from (replace(f, basis=proof) for f in forms)
             else:
                 yield from self._quotients_by_one(functions)
         for functions in self.spaces:
@@ -257,11 +236,12 @@ class Invariants:
             densities += self._densities(det)
             densities = densities or self._density_from_relations(det)
             up_to_sign = [] if densities else self._densities(-det)[:1]
-            densities += [replace(f, cofactor=as_function(-1)) for f in up_to_sign]
+            densities += [replace(f, cofactor=-RationalFunction(())) for f in up_to_sign]
         different = {str(f): f for f in densities}.values()
 
         def order(f: RationalFunction) -> tuple[Any, ...]:
-            return f.degree, min(map(sum, exponents_in_x(f.as_quotient()[1]))), *_sort_key(f)
+            P = f.as_quotient()[1]
+            return f.degree, min(map(sum, polynomials.exponents_in_x(P))), *_sort_key(f)
 
         return tuple(sorted(different, key=order))
 
@@ -301,10 +281,10 @@ def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
     """Return f, or a fractional linear function of f, with a limit for eps to 0 that varies."""
     if not f.degree or not f.is_symbolic or f.degree > _HIGHEST:
-        return without_constant(f)
+        return rational_functions.without_constant(f)
     numerator, denominator = (without_content(P) for P in f.as_quotient())
-    denominator, numerator = with_independent_limits([denominator, numerator])
-    return without_constant(quotient_of(numerator, denominator, f.basis))
+    denominator, numerator = polynomials.with_independent_limits([denominator, numerator])
+    return rational_functions.without_constant(quotient_of(numerator, denominator, f.basis))
 
 
 def _without_constant_term(f: RationalFunction) -> RationalFunction:
@@ -312,7 +292,7 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
     if any(e != 1 for P, e in f.factors if degree_of(P)):
         return f
     P = f.as_quotient()[0]
-    if (constant := coefficient_of(P, (0,) * variables_of(P))) == 0:
+    if (constant := coefficient_of(P, (0,) * polynomials.variables_of(P))) == 0:
         return f
     return quotient_of(without_content(P - constant), P.context().constant(1), f.basis)
 
@@ -370,12 +350,13 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     low degree come first, then polynomials in `preferred`, then polynomials with many factors.
     """
     echelon = in_echelon_form(space)
-    basis = with_independent_limits(echelon)
+    basis = polynomials.with_independent_limits(echelon)
     candidates = {str(P): P for P in (*basis, *echelon)}
-    if letters_in(basis[0]) <= (1 if preferred else _LETTERS):
+    if polynomials.letters_in(basis[0]) <= (1 if preferred else _LETTERS):
         with contextlib.suppress(ArithmeticError):  # an unlucky random number, or all are reducible
             candidates |= {str(P): P for P in reducible_members(echelon)}
-    first = {str(P): P for P in map(without_content, preferred) if rank([*space, P]) == len(space)}
+    wanted = map(without_content, preferred)
+    first = {str(P): P for P in wanted if polynomials.rank([*space, P]) == len(space)}
     candidates |= first
     highest = max(degree_of(P) for P in basis)
 
@@ -386,19 +367,19 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
         return degree_of(P), str(P) not in first, -complex_factors, *simplest
 
     def as_denominator(P: Any) -> tuple[Any, ...]:
-        in_limit = limit(P)
+        in_limit = polynomials.limit(P)
         is_zero_at_0 = not has_constant_term(in_limit)
         return degree_of(in_limit), degree_of(P), is_zero_at_0, not is_definite(P)
 
     ordered = sorted(candidates.values(), key=order)
     denominator = min(ordered, key=as_denominator)
-    return [denominator, *selected(ordered, [denominator], of=limit)]
+    return [denominator, *polynomials.selected(ordered, [denominator], of=polynomials.limit)]
 
 
 def is_definite(P: Any) -> bool:
     """Return True if a polynomial has the same sign at all random points, near 0 and far away."""
     rng, signs = random.Random(0), set()
-    symbolic, n = letters_in(P), variables_of(P)
+    symbolic, n = polynomials.letters_in(P), polynomials.variables_of(P)
     for k in range(_SIGNS):
         size = 10 ** (k % 7)
         x = [rng.randrange(-size, size + 1) for _ in range(n)]
@@ -412,7 +393,7 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
 
     The lowest monomial of each polynomial has the coefficient 0 in the polynomials before it.
     """
-    monomials = {e for P in space for e in exponents_in_x(P)}
+    monomials = {e for P in space for e in polynomials.exponents_in_x(P)}
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)
     rows, remaining = [], list(space)
     for monomial in descending:

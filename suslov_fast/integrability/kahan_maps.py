@@ -22,16 +22,11 @@ from ..fields.base import Body
 from ..fields.field import Field
 from ..fields.terms import Terms, collected
 from ..keywords import public
+from . import rational_functions
 from .arithmetic import Values, as_written, constant, moduli
 from .birational_maps import FEW, LONGEST, RationalMap, checked_names
 from .polynomials import coprime, cramer, degree_of, exponents_in_x, letters_in, primitive
-from .rational_functions import (
-    MODULAR,
-    RationalFunction,
-    factored,
-    over_common_denominator,
-    quotient_of,
-)
+from .rational_functions import MODULAR, RationalFunction, factored, over_common_denominator
 
 _LARGEST = 10  # the most variables of a field for which a Hamiltonian is sought
 
@@ -277,7 +272,7 @@ class KahanMap(RationalMap):
         energy = 3 * H * F_0
         for i, (F, a) in enumerate(zip(numerators, self.variables, strict=False)):
             energy += _slope(H, i) * (F - a * F_0)
-        modified = quotient_of(energy, F_0, MODULAR)
+        modified = rational_functions.quotient_of(energy, F_0, MODULAR)
         return modified if modified.degree else None
 
 

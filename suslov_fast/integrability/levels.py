@@ -17,32 +17,12 @@ from ..checks import short, wrong
 from ..fields.base import Body
 from ..fields.names import labels
 from ..keywords import public
-from . import arithmetic
+from . import arithmetic, polynomials, rational_functions
 from .arithmetic import EPS
 from .birational_maps import RationalMap, check_one_letter
 from .exact_maps import checked_map, has_inverse
-from .polynomials import (
-    coefficients_in,
-    coprime,
-    degree_of,
-    homogenized,
-    irreducible_factors,
-    letters_in,
-    modulo,
-    polynomial_ring,
-    value_at,
-    variables_of,
-)
-from .rational_functions import (
-    IDENTITY,
-    RationalFunction,
-    as_function,
-    factored,
-    independent,
-    over_common_denominator,
-    quotients_of,
-    without_constant,
-)
+from .polynomials import coprime, degree_of, homogenized, letters_in, polynomial_ring
+from .rational_functions import RationalFunction, factored, independent, quotients_of
 
 _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of a point of the generic level, except one
 _WIDTH = 60  # the most characters of a polynomial in the text
@@ -153,15 +133,16 @@ class _Equations:
         self.ring, self.plane = (polynomial_ring(n, [letter] * bool(letter)) for n in (D, 2))
         self.parts = [self._numerator_and_denominator(f) for f in integrals]
         functions = [factored(P) / factored(Q) for P, Q in self.parts]
-        shown = (without_constant(f).renamed(map.names or labels(D), letter) for f in functions)
-        self.text = "; ".join(f.text(_WIDTH) for f in shown)
+        self.names = map.names or labels(D)
+        shown = (rational_functions.without_constant(f) for f in functions)
+        self.text = "; ".join(f.renamed(self.names, letter).text(_WIDTH) for f in shown)
         if len(functions) != D - 2 or len(independent(functions, map.prime)) < D - 2:
             raise wrong("integrals", f"{D - 2} independent ones", self.text or "none")
         self.forward, self.backward = (
             [_in_ring(F, self.ring) for F in forms] for forms in (map.forms, map.inverse.forms)
         )
         for given, (P, Q) in zip(integrals, self.parts, strict=True):
-            if getattr(given, "basis", "") == IDENTITY:
+            if getattr(given, "basis", "") == rational_functions.IDENTITY:
                 continue
             after, below = self._values(P, Q, self.forward)
             if after * Q != below * P:
@@ -180,7 +161,7 @@ class _Equations:
             how = f"pass F.subs({letter}={number}) in place of F"
             received = f"{short(f)}, in which {letter} is a letter{has}: {how}"
             raise wrong("integrals", "functions of the variables alone", received)
-        if variables_of(P) != self.D:
+        if polynomials.variables_of(P) != self.D:
             raise wrong("integrals", f"functions of {self.D} variables", short(f))
         return _in_ring(P, self.ring), _in_ring(Q, self.ring)
 
@@ -231,8 +212,7 @@ class _Equations:
 
     def _made(self, solved: _Solved, x: list[Any] | None, text: str) -> Level:
         """Return the `Level` of solved equations, named `text`; a quadric is projected from x."""
-        names = self.map.names or labels(self.D)
-        solved_for = ", ".join(names[k] for k, *_ in solved.steps)
+        solved_for = ", ".join(self.names[k] for k, *_ in solved.steps)
         how = [f"solved for {solved_for}"] if solved_for else []
         degrees, kept = [degree_of(P) for P in solved.unsolved], solved.variables
         variables = self.ring.gens()[-self.D :]
@@ -244,16 +224,18 @@ class _Equations:
             chart = [x[-1] * variables[k] - x[k] for k in kept]
             how.append("projected from this point")
         else:
-            of_degrees = f"{', '.join(map(str, degrees))} in {', '.join(names[k] for k in kept)}"
+            of_degrees, of_names = map(str, degrees), (self.names[k] for k in kept)
+            left = f"of degree {', '.join(of_degrees)} in {', '.join(of_names)}"
             expected = "such that variables can be eliminated up to one quadric in three of them"
-            raise wrong("integrals", expected, f"with equations left of degree {of_degrees}")
+            raise wrong("integrals", expected, f"with equations left {left}")
         values = dict(zip(kept, quotients_of(on_it), strict=True))
         for k, *parts in reversed(solved.steps):
-            known = [values.get(j, as_function(0)) for j in range(self.D)]
-            point = over_common_denominator(known, self.plane)
+            known = [values.get(j, rational_functions.as_function(0)) for j in range(self.D)]
+            point = rational_functions.over_common_denominator(known, self.plane)
             degree = max(map(degree_of, parts))
             (values[k],) = quotients_of(homogenized(R, degree, point, self.plane) for R in parts)
-        embedding = over_common_denominator([values[k] for k in range(self.D)], self.plane)
+        functions = [values[k] for k in range(self.D)]
+        embedding = rational_functions.over_common_denominator(functions, self.plane)
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
@@ -289,8 +271,7 @@ class _Equations:
         restricted = RationalMap(forward, inverse, letters)
         if not has_inverse(restricted) or not self._is_restricted(restricted, embedding):
             raise ArithmeticError(f"the map does not take the level {how} to itself, one to one")
-        names = self.map.names or labels(self.D)
-        coordinates = tuple(f.renamed(names, self.letter) for f in quotients_of(chart))
+        coordinates = tuple(f.renamed(self.names, self.letter) for f in quotients_of(chart))
         variables = tuple(f.renamed(None, self.letter) for f in quotients_of(embedding))
         return Level(restricted, coordinates, variables, how)
 
@@ -300,7 +281,7 @@ class _Equations:
         x = arithmetic.random_point(2, p)
 
         def embedded(x: Sequence[Any]) -> list[Any]:
-            *y, below = (value_at(modulo(P, p, EPS), x) for P in embedding)
+            *y, below = (polynomials.value_at(polynomials.modulo(P, p, EPS), x) for P in embedding)
             return [*(a / below for a in y), below**0]
 
         try:
@@ -314,7 +295,7 @@ def _function_by(f: Any, variables: list[RationalFunction]) -> RationalFunction:
     """Return f((x1, ..., xD)) as a rational function, or raise an error about integrals."""
     must = "integrals must give quotients of polynomials in the variables, by +, -, *, /, **"
     try:
-        return as_function(f(tuple(variables)))
+        return rational_functions.as_function(f(tuple(variables)))
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, TypeError | AttributeError) else ValueError
         raise kind(f"{must}: {error}") from error
@@ -329,7 +310,7 @@ def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> 
     candidates = []
     for P in equations:
         for k in variables:
-            parts = coefficients_in(P, letters_in(P) + k)
+            parts = polynomials.coefficients_in(P, letters_in(P) + k)
             if len(parts) == 2 and (x is None or _at(parts[1], x) != 0):
                 sizes = [(degree_of(R), len(R)) for R in reversed(parts)]
                 candidates.append((sizes, k, P, parts))
@@ -347,7 +328,7 @@ def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> 
 
 def _substituted(P: Any, k: int, numerator: Any, denominator: Any) -> Any:
     """Return the numerator of P after x_k is replaced by numerator / denominator."""
-    parts = coefficients_in(P, letters_in(P) + k)
+    parts = polynomials.coefficients_in(P, letters_in(P) + k)
     n = len(parts) - 1
     powers = (c * numerator**j * denominator ** (n - j) for j, c in enumerate(parts))
     return sum(powers, P.context().constant(0))
@@ -360,7 +341,7 @@ def _at(P: Any, x: list[Any]) -> Any:
 
 def _component(P: Any, x: list[Any]) -> Any:
     """Return the irreducible factor of a polynomial P that vanishes at a point x."""
-    factors = [f for f, _ in irreducible_factors(P) if degree_of(f)] if P != 0 else []
+    factors = [f for f, _ in polynomials.irreducible_factors(P) if degree_of(f)] if P != 0 else []
     through = [f for f in factors if _at(f, x) == 0]
     if len(through) != 1:
         where = "where its components meet" if through else "where the integrals depend"

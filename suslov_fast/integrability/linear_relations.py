@@ -24,20 +24,11 @@ import numpy as np
 from ..fields.exact_numbers import text_of
 from ..fields.names import labels
 from ..keywords import public
-from . import arithmetic
+from . import arithmetic, polynomials
 from .arithmetic import EPS, EXTRA, Residues, Values
 from .birational_maps import RationalMap
 from .interpolation import Line, over_rationals
-from .polynomials import (
-    Exponents,
-    Polynomials,
-    coefficients_in,
-    exponents_up_to,
-    letters_of,
-    monomial_values,
-    polynomials_with,
-    ring_modulo,
-)
+from .polynomials import Exponents, Polynomials, exponents_up_to, monomial_values, polynomials_with
 from .rational_functions import MODULAR, RationalFunction, quotient_of
 
 _ORBITS = 3  # relations along so many orbits span the relations along all orbits
@@ -71,9 +62,9 @@ def gradients_of_coefficients(
     form. Coefficients that this form fixes at 0 or 1 are constant, and left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
-    ring = ring_modulo(p, n)
-    polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
-    slopes = [[P.derivative(i) for i in range(n)] for P in polynomials]
+    ring = polynomials.ring_modulo(p, n)
+    forms = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
+    slopes = [[P.derivative(i) for i in range(n)] for P in forms]
     rows = []  # the equations at x_k: all m_i, then the right sides of each relation
     for y, derivative in islice(map.variations(x, first + length), first, None):
         values = flint.nmod_mat([[dP(*y[:-1]) for dP in gradient] for gradient in slopes], p)
@@ -129,7 +120,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
         return basis if len(basis) == dimension + 1 else []
 
     rows = over_rationals(rng, span, len(map.letters))
-    return polynomials_with(rows or [], exponents, letters_of(map.ring))
+    return polynomials_with(rows or [], exponents, polynomials.letters_of(map.ring))
 
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
@@ -337,8 +328,8 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     rows = over_rationals(map.generator(integral.degree), search, len(map.letters))
     if not rows:
         return None
-    (both,) = polynomials_with(rows, exponents, letters_of(map.ring))
+    (both,) = polynomials_with(rows, exponents, polynomials.letters_of(map.ring))
     if len(both) > _TERMS:
         return None
-    numerator, denominator = (P.project_to_context(map.ring) for P in coefficients_in(both, -1))
-    return quotient_of(numerator, denominator, MODULAR)
+    P, Q = polynomials.coefficients_in(both, -1)
+    return quotient_of(P.project_to_context(map.ring), Q.project_to_context(map.ring), MODULAR)

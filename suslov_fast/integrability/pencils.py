@@ -15,17 +15,9 @@ from typing import Any
 
 import flint
 
+from . import polynomials
 from .arithmetic import EPS, Values
-from .polynomials import (
-    degree_of,
-    exponents_up_to,
-    modulo,
-    prime_of,
-    rank,
-    ring_modulo,
-    variables_of,
-    without_content,
-)
+from .polynomials import degree_of, exponents_up_to, modulo, prime_of, variables_of
 from .rational_functions import rational_roots
 
 _HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
@@ -35,7 +27,7 @@ class _Equations:
     """The linear equations d/dv (g / f) = d/du (h / f) for g and h on a random plane."""
 
     def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
-        self._p, self._ring = p, ring_modulo(p, 2)
+        self._p, self._ring = p, polynomials.ring_modulo(p, 2)
         u, v = self._ring.gens()
         draws = [[rng.randrange(1, p) for _ in range(3)] for _ in range(n)]
         self._points = [a + b * u + c * v for a, b, c in draws]
@@ -76,7 +68,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     rng = random.Random(0)
     # Generic members: reducible ones are then first + t second with finite t.
     first, second = (sum(rng.randrange(1, 100) * P for P in space) for _ in space)
-    if rank([first, second]) < 2:
+    if polynomials.rank([first, second]) < 2:
         return
 
     def search(p: int, eps: Values) -> list[Any]:
@@ -95,7 +87,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     ring, rng = first.context(), random.Random(prime_of([first, second]))
     for t in rational_roots(rng, search, ring):
         numerator, denominator = t.as_quotient(ring)
-        yield without_content(denominator * first + numerator * second)
+        yield polynomials.without_content(denominator * first + numerator * second)
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:

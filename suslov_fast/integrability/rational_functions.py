@@ -22,26 +22,10 @@ import numpy as np
 from ..checks import FloatArray, extra, real_array, short, wrong
 from ..fields.latex import formula
 from ..keywords import public
-from . import arithmetic
+from . import arithmetic, polynomials
 from .arithmetic import EPS, Values
 from .interpolation import over_rationals
-from .polynomials import (
-    Polynomials,
-    decoded,
-    degree_of,
-    irreducible_factors,
-    letters_of,
-    modulo,
-    polynomial_ring,
-    polynomials_with,
-    prime_of,
-    renamed,
-    sort_key,
-    value_at,
-    variables_of,
-    with_plain_letters,
-    with_values,
-)
+from .polynomials import Polynomials, decoded, degree_of, letters_of, modulo, value_at, variables_of
 
 IDENTITY = "identity"
 MODULAR = "modulo a prime, at random points"
@@ -157,7 +141,7 @@ class RationalFunction(WithLetters):
     def _with(self, values: Mapping[str, Fraction]) -> RationalFunction:
         numbers = {name: arithmetic.fmpq(a) for name, a in values.items()}
         try:
-            powers = [factored(with_values(P, numbers)) ** e for P, e in self.factors]
+            powers = [factored(polynomials.with_values(P, numbers)) ** e for P, e in self.factors]
         except ZeroDivisionError:
             where = ", ".join(f"{name} = {a}" for name, a in values.items())
             raise ZeroDivisionError(f"{self} has no value at {where}") from None
@@ -176,7 +160,7 @@ class RationalFunction(WithLetters):
 
     def renamed(self, names: Sequence[str] | None, letter: str = "") -> RationalFunction:
         """Return the function with new `names` of variables and `letter`; None and "" keep them."""
-        factors = tuple((renamed(P, names, letter), e) for P, e in self.factors)
+        factors = tuple((polynomials.renamed(P, names, letter), e) for P, e in self.factors)
         cofactor = self.cofactor and self.cofactor.renamed(names, letter)
         return replace(self, factors=factors, cofactor=cofactor)
 
@@ -192,7 +176,7 @@ class RationalFunction(WithLetters):
 
     def __add__(self, other: Any) -> RationalFunction:
         other = as_function(other)
-        ring = self._ring or other._ring or polynomial_ring(0)
+        ring = self._ring or other._ring or polynomials.polynomial_ring(0)
         *numerators, denominator = over_common_denominator((self, other), ring)
         return factored(sum(numerators)) / factored(denominator)
 
@@ -227,16 +211,16 @@ class RationalFunction(WithLetters):
     @property
     def numerator(self) -> Any:
         """The numerator as one polynomial of python-flint, in the letters and the variables."""
-        return with_plain_letters(self.as_quotient()[0])
+        return polynomials.with_plain_letters(self.as_quotient()[0])
 
     @property
     def denominator(self) -> Any:
         """The denominator as one polynomial of python-flint, in the letters and the variables."""
-        return with_plain_letters(self.as_quotient()[1])
+        return polynomials.with_plain_letters(self.as_quotient()[1])
 
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials; a constant needs their `ring`."""
-        ring = ring or self._ring or polynomial_ring(0)
+        ring = ring or self._ring or polynomials.polynomial_ring(0)
         numerator = ring.constant(self.constant.numerator)
         denominator = ring.constant(self.constant.denominator)
         numerator *= math.prod(P**e for P, e in self._powers(1))
@@ -331,7 +315,7 @@ def factored(P: Any) -> RationalFunction:
     """Return a polynomial as a `RationalFunction`, in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
-    powers = irreducible_factors(P)
+    powers = polynomials.irreducible_factors(P)
     leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
     return product_of(powers, arithmetic.fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
@@ -369,7 +353,7 @@ def product_of(
     for P, e in powers:
         exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e
     factors = [(P, e) for P, e in exponents.values() if e and constant]
-    factors.sort(key=lambda power: sort_key(power[0]))
+    factors.sort(key=lambda power: polynomials.sort_key(power[0]))
     return RationalFunction(tuple(factors), constant, basis)
 
 
@@ -387,9 +371,9 @@ def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[Ratio
 
     if not (rows := over_rationals(rng, row, len(letters))):
         return
-    (f,) = polynomials_with(rows, tuple((k,) for k in range(len(rows[0]))), letters)
+    (f,) = polynomials.polynomials_with(rows, tuple((k,) for k in range(len(rows[0]))), letters)
     *_, t = f.context().gens()
-    for linear in (g for g, _ in irreducible_factors(f) if degree_of(g) == 1):
+    for linear in (g for g, _ in polynomials.irreducible_factors(f) if degree_of(g) == 1):
         slope = linear.derivative(len(letters))
         yield from quotients_of(P.project_to_context(ring) for P in (slope * t - linear, slope))
 
@@ -413,7 +397,7 @@ def independent_of(known: Iterable[Any], candidates: Iterable[Any], p: int) -> I
             yield f
 
 
-def rank_of_quotients(polynomials: Polynomials) -> int:
-    """Return how many quotients P / Q of the polynomials are functionally independent."""
-    quotients = (quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:])
-    return len(independent(quotients, prime_of(polynomials)))
+def rank_of_quotients(space: Polynomials) -> int:
+    """Return how many quotients P / Q of polynomials are functionally independent."""
+    quotients = (quotient_of(P, space[0], MODULAR) for P in space[1:])
+    return len(independent(quotients, polynomials.prime_of(space)))

@@ -15,6 +15,7 @@ from itertools import islice
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from . import linear_relations, polynomials, rational_functions
 from .birational_maps import LONGEST, RationalMap
 from .darboux import Determinant, candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
@@ -22,30 +23,9 @@ from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
 from .invariants import Invariants
 from .kahan_maps import KahanMap
 from .levels import Level, on_level
-from .linear_relations import (
-    ImplicitIntegral,
-    count_relations,
-    implicit_integrals,
-    integrals_of_relations,
-    is_short,
-    written_out,
-)
-from .polynomials import (
-    Polynomials,
-    degree_of,
-    exponents_up_to,
-    irreducible_factors,
-    sort_key,
-    without_content,
-)
-from .rational_functions import (
-    IDENTITY,
-    MODULAR,
-    RationalFunction,
-    factored,
-    independent_of,
-    quotient_of,
-)
+from .linear_relations import ImplicitIntegral, count_relations, implicit_integrals, written_out
+from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, without_content
+from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
 from .symmetries import DEGREES, Reversor, reversors
 
 _FEW = 80  # the most coefficients of a polynomial of a higher degree than the report has
@@ -311,7 +291,8 @@ class Search:
     def _add_modified_energy(self) -> Tasks:
         """Add the density 1 / det A and the modified energy, which follow from a Hamiltonian."""
         ring, modified = self.map.ring, self.map.modified_energy
-        density = quotient_of(ring.constant(1), without_content(self.map.denominator), IDENTITY)
+        denominator = without_content(self.map.denominator)
+        density = rational_functions.quotient_of(ring.constant(1), denominator, IDENTITY)
         self.invariants.densities.append(density)
         self._known = None
         return self._add_space(modified.as_quotient(ring)) if modified else []
@@ -330,7 +311,7 @@ class Search:
         if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
-        return self._add_space(integrals_of_relations(self.map, exponents))
+        return self._add_space(linear_relations.integrals_of_relations(self.map, exponents))
 
     def _find_integrals_of_circuits(self, k: int) -> Tasks:
         """Find missing integrals from circuits of monomials up to degree k."""
@@ -342,7 +323,7 @@ class Search:
         self._of_relations = [*islice(independent, missing)]
         self._known = None
         # Formulas from Darboux polynomials, which come before, are simpler.
-        for integral in filter(is_short, self._of_relations):
+        for integral in filter(linear_relations.is_short, self._of_relations):
             yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
@@ -432,7 +413,7 @@ class Search:
             return self._proof_of_quotients(space, "early proofs", _SHORT)
         tasks: list[Task] = []
         # Factors that have a cofactor are Darboux polynomials themselves.
-        for f in (f for P in space for f, _ in irreducible_factors(P) if degree_of(f)):
+        for f in (f for P in space for f, _ in polynomials.irreducible_factors(P) if degree_of(f)):
             if (cofactor_of_f := self.map.cofactor(f)) is not None:
                 tasks += self._add_generator(f, cofactor_of_f)
         if cofactor is None:

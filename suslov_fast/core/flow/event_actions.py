@@ -11,8 +11,6 @@ state with |s| <= `near` is on the surface.
 
 from math import inf
 
-import numpy as np
-
 from ..expressions.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Integers, Shared
@@ -42,11 +40,11 @@ def _level(is_above, value, rounding):
 
 
 def _side(value, rate, size, rate_size, near, t, sign):
-    """Return `side` and `level` of a state at a surface s = 0; it is above where s >= `level`.
+    """Return `side` and `level` of a state at a surface s = 0, and whether it `is_on` the surface.
 
-    `side` is 1 above, 0 below, GAP where s is NaN. A state is also on the surface if |s| is
-    rounding, or at most |ds/dt| * NEARLY * t. Then its side is the one to which the rate leads, and
-    the level moves so that s lies on this side. If the rate is rounding, the side is STAYS.
+    A state is on the surface if |s| is rounding, or if s becomes 0 within the time NEARLY * t. Then
+    the side is the one to which the rate leads, and the level moves so that s lies there. If the
+    rate is rounding, the state STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
     is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
@@ -70,13 +68,11 @@ def TOUCHING_SIDE(
     side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, fired,
     sign,
 ):  # fmt: skip
-    """Return `side` and `level` of a state at a surface s = 0, if its rate does not decide them.
+    """Return `side` and `level` of a state at a surface s = 0, also if its rate does not decide.
 
-    `side` is 1 if s = 0 all around the state. Only s with branches, such as min(x, 0), can be 0 all
-    around (`has_branches` is 1); cos(x) - 1 just touches 0. `fired` is 1 or -1 if an event has
-    acted after a crossing up or down. If the rate `later`, a moment later, then leads back, the
-    state is on the side that it came from. `slopes` is sum |ds/dx_j|, `slopes_later` the same sum
-    a moment later.
+    If s is 0 all around the state, the state is above. Only s with branches can be: min(x, 0) is,
+    but cos(x) - 1 just touches 0. If an event has acted (`fired`), and the rate a moment later
+    leads back, the state is on the side that it came from.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
@@ -94,13 +90,11 @@ def CROSSED(
     value, rate, size, rate_size, near, side, level, crossed_at, is_here, by_motion, holds, t, last,
     sign, accepted, f_ends,
 ):  # fmt: skip
-    """Return whether a state crossed a surface `up` or `down`; update the rows of the surface.
+    """Return whether a state crossed a surface `up` or `down`, and the rows of the surface.
 
-    In a crossing the side changes between 1 and 0, where events may act (`is_here` is 1). On the
-    surface the rate decides (`_side`). If the rate is rounding, the side remains, unless the step
-    led across (`by_motion` is 1). If `holds` is 2, it stays above until s is below the level. A
-    state that crossed at the time `crossed_at`, and was beyond the surface by rounding alone, does
-    not cross back at once. On the surface `near` becomes 2 |s| at least. The run ends at `last`.
+    A crossing is a change of the side, where events may act (`is_here`). On the surface the rate
+    decides the side, as in `_side`; if the rate is rounding, the side remains, unless the step led
+    across (`by_motion`). A state that was beyond by rounding alone does not cross back at once.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
@@ -112,6 +106,7 @@ def CROSSED(
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
     here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
+    # Where `EventAction.holds` is 2, the state is above until s is below the level.
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
@@ -135,15 +130,11 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
     pause, more, limit, sign,
 ):  # fmt: skip
-    """Return `more` > 0 if an action will be repeated at once, and the time `limit` of rest.
+    """Return `more` > 0 if an action at s = 0 will be repeated at once, and the `limit` of times.
 
-    An action at s = 0 turns the state back. With r = ds/dt and a = dr/dt, s is 0 again after a time
-    2 |r / a|, and |s| rises to r**2 / (2 |a|). Let the action reduce r by the factor q. If s is 0
-    again at once, or |s| stays LOW, the state is at rest after 2 |r / a| / (1 - q). If a does not
-    turn it back, Aitken's limit of the times of actions is used. `fired` is 1 or -1 if an event
-    acts after a crossing up or down, else 0. `rate_before` is ds/dt before the action, and `later`
-    a MOMENT after it. `taken` and `wanted` are the lengths of this step and of the next. `acted_at`
-    is the time of the last action, and `pause` the time from the action before to it.
+    With r = ds/dt and a = dr/dt after the action, s is 0 again after a time 2 |r / a|, and |s|
+    rises to r**2 / (2 |a|). If the action reduces r by the factor q, the state is at rest after
+    2 |r / a| / (1 - q). If a does not lead back, Aitken's limit of the times of actions is used.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -169,10 +160,9 @@ def AGAIN(
 
 @scalar_kernel
 def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest):
-    """Return `wanted`, or a first length for the relative change `part`, if that is longer.
+    """Return the length of the step after actions: `wanted`, or a first length if that is longer.
 
-    `size` is max |x_i|. If `rate`, max |f_i|, is above FASTER times its value `rate_before` at the
-    beginning of the step, `wanted` is at most a first length for a state of the size `largest`.
+    If actions have made f more than FASTER times as large, the length is at most a first length.
     """
     guess = first_length(size, rate, part, last)
     of_largest = first_length(larger(size, largest), rate, part, last)
@@ -183,10 +173,9 @@ def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, l
 
 @scalar_kernel
 def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
-    """Return `state`, `often`, and the time `at` of actions, or the `limit` where they accumulate.
+    """Return `state`, `often` and the time `at` of actions, or their `limit` if they accumulate.
 
-    Actions accumulate if they are `endless` at one instant, or if often + more, the number of
-    actions at once, is ACTIONS_AT_ONCE. `most` bounds `actions`; `total` is finite if f is.
+    Actions accumulate if they are `endless` at one instant, or if ACTIONS_AT_ONCE follow at once.
     """
     often_now = (more > 0.0).select(often + more, 0.0)
     piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)
@@ -203,10 +192,7 @@ def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, l
 
 
 def add_actions(text, integrator, name, for_each):
-    """Add the function void change(arguments), in which events act on the state `new`.
-
-    Events act in lanes where the row `accepted` is 1. See `StepCode` for the arguments.
-    """
+    """Add the function void change(arguments): events act on the state `new` of accepted steps."""
     with text.function(f"{name}_change", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
         work, events = code.work, integrator.events
@@ -227,12 +213,11 @@ def add_actions(text, integrator, name, for_each):
 
 def act(code):
     """Add code that lets events act on the next states, in lanes in which the step is taken."""
-    if code.integrator.events:
-        is_there = _is_there(code)
-        if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
-            is_there = is_there | (code.line.resting[0] * code.work.accepted[0] > 0.0)
-        with code.text.when(is_there.any(), likely=False):
-            code.text.invoke(f"{code.name}_change", code.arguments)
+    is_there = _is_there(code)
+    if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
+        is_there = is_there | (code.line.resting[0] * code.work.accepted[0] > 0.0)
+    with code.text.when(is_there.any(), likely=False):
+        code.text.invoke(f"{code.name}_change", code.arguments)
 
 
 def find_sides(code, begins):
@@ -322,8 +307,7 @@ def _most(events):
 def most_records(events, equal):
     """Return how many records a trajectory may add at one instant; `equal` given times coincide.
 
-    Events on surfaces act in rounds; in each round except the last some event acts. Events that
-    only record crossings may record one in every round.
+    Events on surfaces act in rounds until none acts; each recorder may add one in each round.
     """
     recorders = sum(map(events.only_records, range(events.surfaces)))
     if recorders == events.surfaces:
@@ -335,8 +319,7 @@ def most_records(events, equal):
 def _act_at_surfaces(code, is_there, by_motion, again):
     """Let events act on the surfaces that a state has crossed, until no event acts.
 
-    `is_there` marks lanes in which events may act. `by_motion` marks lanes in which the step, not
-    an action, led to the surfaces. `again` receives results of `AGAIN`.
+    In lanes `by_motion` the step, not an action, led there. `again` receives results of `AGAIN`.
     """
     text, work, events = code.text, code.work, code.integrator.events
     _look_at_end(code)
@@ -379,10 +362,7 @@ def _with_touching_side(code, k, side, level, fired):
 
 
 def _cross(code, k, is_there, by_motion):
-    """Let event k act, or record it, in lanes where the state crossed surface k in its direction.
-
-    `is_there` and `by_motion` mark lanes as in `_act_at_surfaces`.
-    """
+    """Let event k act, or record it, in lanes where the state crossed surface k as it asks."""
     text, work, line, integrator = code.text, code.work, code.line, code.integrator
     place, numbers, events = 2 * k, _at_surface(code.work.toward, k), integrator.events
     is_there = is_there & _is_running(code)
@@ -421,10 +401,7 @@ def _cross(code, k, is_there, by_motion):
 
 
 def _record_crossing(code, k, counts, by_motion):
-    """Record a crossing of surface k in lanes `counts`; event k leaves the state as it is.
-
-    In lanes `by_motion` a step crossed it, elsewhere an action. Enough crossings end a trajectory.
-    """
+    """Record a crossing of surface k in lanes `counts`; enough of these end a trajectory."""
     line, work = code.line, code.work
     counts = counts & (line.t[0] > code.number("since"))
     with code.text.when(counts.any()):
@@ -438,9 +415,9 @@ def _record_crossing(code, k, counts, by_motion):
 def _act(code, k, truth, by_motion=None):
     """Let event k act in lanes `truth`: change the state, count the action and record it.
 
-    In lanes `by_motion` a step led to the surface. `by_motion` is None for events at given times.
+    `by_motion` is None for events at given times, and as in `_act_at_surfaces` on surfaces.
     """
-    text, work, integrator = code.text, code.work, code.integrator
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
     components, D = integrator.events.components[k], integrator.f.of.D
     text.copy(work.new, work.before, code.D)
     text.copy(work.f_new, work.f_before, D)
@@ -450,30 +427,25 @@ def _act(code, k, truth, by_motion=None):
         for n in text.each(len(components)):
             work.new.choose(truth, places[n], work.changed[n])
         for i in text.each(D):
-            code.line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
+            line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
         if integrator.f.branches:
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
     _take_columns(code, k, truth, by_motion, work.before, work.f_before)
     if components and integrator.f.columns:
         code.call("f", work.new, code.table, work.f_new)
-    counts = code.line.counts[k] + truth.select(1.0, 0.0)
-    code.line.counts[k] = counts
-    actions = code.line.actions
-    actions[0] = actions[0] + truth.select(1.0, 0.0)
-    if integrator.events.most[k] < np.inf:
+    line.counts[k] = counts = line.counts[k] + truth.select(1.0, 0.0)
+    line.actions[0] = line.actions[0] + truth.select(1.0, 0.0)
+    if integrator.events.most[k] < inf:
         is_over = truth & (counts >= float(integrator.events.most[k]))
-        code.line.state.choose(is_over, 0, float(LaneState.STOPPED))
+        line.state.choose(is_over, 0, float(LaneState.STOPPED))
     record(code, truth, k, work.before, work.f_before)
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before):
-    """Find tau of each column of derivatives, and change columns in lanes `truth`.
+    """Find tau of each column of derivatives, and change columns, as `event_formulas` defines them.
 
-    A solution displaced by dx times the column reaches event k a time tau dx earlier. In lanes
-    `by_motion` (see `_act`) tau is computed; an event caused by an action has the tau of that
-    action. Columns change if the action changes the state. `before` and `f_before` are the state
-    and f before the action.
+    In lanes `by_motion` tau is computed; an event caused by an action has the tau of that action.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D
     for c in range(f.columns):

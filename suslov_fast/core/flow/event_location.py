@@ -19,6 +19,7 @@ after the crossing. Points inside an implicit step are inaccurate, so the first 
 end of the part. If a step begins on a surface (after a bounce), Newton's method starts at its end.
 """
 
+import functools
 import itertools
 from math import inf
 
@@ -46,27 +47,20 @@ def _bend(d, f, f_new, h, u):
     return (1.0 - 2.0 * u) * d + (u - 1.0) * (h * f) + u * (h * f_new)
 
 
-def _point(x, new, f, f_new, signed, u, quartic=0.0):
-    """Return `point`, a component at the fraction u of an explicit step, from both its ends.
-
-    The ends are x with the rate f, and `new` with `f_new`; `signed` is the length with its sign.
-    The curve is a cubic, or of degree 4 with `quartic`, a result of `QUARTIC`.
-    """
+def _point(x, new, f, f_new, signed, u, quartic):
+    """Return a component at the fraction u of an explicit step; `quartic` is added to a cubic."""
     change, product = new - x, u * (u - 1.0)
     bend = _bend(change, f, f_new, signed, u)
     return {"point": x + u * change + (bend + product * quartic) * product}
 
 
-# `_point` as kernels: without and with the input `quartic`.
-POINT, POINT_WITH_QUARTIC = scalar_kernel(_point), scalar_kernel(_point, "quartic")
+POINT_WITH_QUARTIC = scalar_kernel(_point)
+POINT = scalar_kernel(functools.partial(_point, quartic=0.0))
 
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """Return `quartic`, the factor of u**2 (1 - u)**2 in `_point`, or 0 if it is not finite.
-
-    With it the rate at u = POINTS[0] is `f_point`. A step of length `signed` leads from x to `new`.
-    """
+    """Return `quartic`, with which `_point` has the rate `f_point` at the fraction POINTS[0]."""
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
     of_cubic = (
@@ -79,10 +73,9 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 @scalar_kernel
 def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """Return `point`, a component at the fraction u of an implicit step.
+    """Return a component at the fraction u of an implicit step, on the quartic through quarters.
 
-    It lies on the polynomial of degree 4 through x, the states at the quarters of the step (given
-    minus x) and `new`. Rates are not used, because they contain fast modes of stiff equations.
+    Rates at both ends are not used, because they contain fast modes of stiff equations.
     """
     v = [4.0 * u - float(k) for k in range(5)]
     of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
@@ -93,12 +86,10 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Return the first crossing in a step: `crossed` (0 if none), its fraction `place`, and `end`.
+    """Return the first crossing in a step so far: `crossed`, its place, and its interval's end.
 
-    Inputs with these names are from earlier intervals of the step. This interval has the width
-    `width` and ends at the fraction u of the step. If `crosses` is 1, there is a crossing at the
-    fraction `part` of the interval, and `end` becomes u. The step has the length `taken`; intervals
-    in its first part, up to the length `inner`, do not count.
+    The interval of the length `width` that ends at u is next. No crossing is sought in the part of
+    the step up to the length `inner`, in which none lies.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
@@ -113,14 +104,9 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 def CROSSES(
     before, taken, total, last, crosses, twice, starts, hidden, waves, inner, outer, since,
 ):  # fmt: skip
-    """Return whether a step `crosses` a surface, ends close to it, or may hide crossings.
+    """Return whether a step crosses a surface, ends just beyond it, or may hide two crossings.
 
-    In a search (`searched`) a step crosses a surface if its ends show that (`crosses` is 1), or its
-    points show two crossings (`twice` is 1). Other steps begin a search where `starts` is 1. The
-    end is close to the surface (`is_close`) if `taken` and `inner` agree to the `accuracy`, or if
-    the time `since` the crossing is not more than it. A step that is not very short (`is_long`) may
-    hide two crossings if `hidden` >= 1 (`hides`), and has too few points for oscillations if
-    `waves` > 1 (`has_waves`). Then the length `shorter` is next.
+    In a search the end of a step decides, or two crossings that its points show (`twice`).
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -144,18 +130,7 @@ def OUTCOME(
     before, t, taken, accepted, served, goal, left, ended, outer, whole, crosses, searched,
     is_close, hides, has_waves,
 ):  # fmt: skip
-    """Return whether a step is repeated, or moves the state, and rows that say where it ends.
-
-    cuts     the step crosses a surface and does not end close to it: a shorter step is next
-    holds    the step does not reach the surface of a search: a longer step is next
-    again    the step may hide crossings: a shorter step is next
-    refused  the step is repeated for one of these reasons
-    ends     the solution ends (`ended` is 1): f has no value beyond the surface at the start
-    lands    a step aside, which reaches its time (`served`), ends on a surface and moves the state
-    moves    the state moves to the end of the step
-
-    A step arrives at the surface of an event if the time `left` to it is rounding.
-    """
+    """Decide whether a step is repeated or moves the state, and whether it ends on a surface."""
     is_right = accepted + served > 0.0
     cuts = crosses & ~is_close & ~has_waves
     ends = (ended > 0.0) & (left <= EDGE * before)
@@ -167,12 +142,12 @@ def OUTCOME(
     refused = cuts | holds | again
     moves = ~refused & (accepted + lands.select(1.0, 0.0) > 0.0) | ends
     return {
-        "cuts": cuts,
-        "holds": holds,
-        "again": again,
-        "refused": refused,
-        "ends": ends,
-        "lands": lands,
+        "cuts": cuts,  # it crosses a surface, and ends beyond it: a shorter step is next
+        "holds": holds,  # it does not reach the surface that is sought: a longer step is next
+        "again": again,  # it may hide crossings: a shorter step is next
+        "refused": refused,  # for one of these reasons
+        "ends": ends,  # the solution ends: f has no value beyond the surface where it began
+        "lands": lands,  # a step aside ends on a surface, and moves the state
         "moves": moves,
         "at_surface": (moves & (crosses | arrives)).select(1.0, 0.0),
         "serves": (cuts | again | lands).select(0.0, served),
@@ -184,14 +159,7 @@ def SEARCH(
     taken, crossed, place, end, whole_part, part, inner, outer, weight, rounds, aim, accuracy,
     is_implicit, searched, cuts, holds,
 ):  # fmt: skip
-    """Return the `length` to try next in a search for a surface, and new rows of the search.
-
-    A step of the length `inner` crosses no surface; a step of the length `outer` crosses one. The
-    line between their ends meets it at the fraction `part`; the line from x to x_next meets it at
-    `whole_part`. If `crossed` is 1, the first part of the step with a crossing, at `place`, ends at
-    `end`. `weight` is positive for the state at `inner`, negative for `outer`. `rounds` counts
-    tries. `aim` is Newton's length. If `inner` and `outer` agree to `accuracy`, `outer` is next.
-    """
+    """Return the next length in a search for a surface, and the new rows of the search."""
     misses = holds & (taken >= outer)  # the surface lies beyond `outer`
     of_end = (crossed > 0.0).select(end, 1.0) * taken
     of_place = (crossed > 0.0).select(place, whole_part) * taken
@@ -226,12 +194,7 @@ def NEXT_LENGTH(
     taken, wanted, longer, length, shorter, known, inner, outer, weight, rounds, whole, searched,
     is_long, cuts, holds, again, moves,
 ):  # fmt: skip
-    """Return `wanted`, the next length, and the rows of a search, which begins, goes on, or ends.
-
-    `wanted` becomes `length` in a search, and `shorter` if crossings may be hidden. After a search
-    it becomes `whole`, the length that the first step proposed (at most `known`), but not much more
-    than the length of the step to the surface, because the next surface may be as near.
-    """
+    """Return the next length, and the rows of a search, which begins, goes on, or ends."""
     searches = cuts | holds
     forgets = ~searches & (taken > 0.0)
     after_surface = smaller(whole, larger(AFTER_THIS * taken, AFTER_WHOLE * whole))
@@ -254,11 +217,9 @@ def TIME_AND_STATE(
     before, t, steps, state, tries, accepted, next, last, most, mode, jumps, crosses, refused, ends,
     lands, moves,
 ):  # fmt: skip
-    """Return `t`, `steps` and `state` after a step, and whether f may have `jumped` at its end.
+    """Return the time, number of steps and state of a lane after a step, and if f `jumped`.
 
-    If `refused` is 1, all stays as at `before`, the time at which the step began. If `lands` is 1,
-    a step aside has reached a surface and ends at the time `next`. `jumps` is 1 if f jumps there.
-    After a jump, or where f ends, `state` becomes `mode`, unless there are more than `most` tries.
+    A repeated step leaves the lane as it was before. A lane runs on where f jumps or ends.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
@@ -272,10 +233,7 @@ def TIME_AND_STATE(
 
 
 def cut(code, before, total):
-    """Repeat a step that crosses a surface, or seeks a surface, with a better length.
-
-    `before` is the time at which the step begins; `total` is finite if f at the end of the step is.
-    """
+    """Repeat a step that crosses or seeks a surface, with a better length; it began at `before`."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
@@ -296,10 +254,10 @@ def cut(code, before, total):
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
     code.call("surfaces", line.beyond, code.table, pair.after(count))
-    inputs |= _watch(code, "part")
+    inputs |= _watch(code, "part")  # where a line from this end to the state `beyond` crosses
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
-    inputs |= _watch(code, "whole_part", "crosses", "jumps")
+    inputs |= _watch(code, "whole_part", "crosses", "jumps")  # between both ends of the step
     inputs |= _double_crossings(code, inputs)
     inputs |= _aim(code, inputs, searches, from_start)
     for kernel in (CROSSES, OUTCOME, SEARCH):
@@ -314,17 +272,21 @@ def cut(code, before, total):
 
 
 def _look_at_points(code, length, from_start):
-    """Return the first crossing between POINTS of a step (results of `LOOK`).
+    """Return the first crossing between POINTS of a step of this length: results of `LOOK`.
 
-    `length` is the length of the step. `from_start` marks lanes in which no step without a crossing
-    is known. In these lanes the state after the crossing is copied to the row `beyond`.
+    Where a search may begin (`from_start`), the state beyond the crossing goes to the row `beyond`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     count, pair, point, points = integrator.surfaces, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
     found = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
     if _has_quartics(integrator):
-        _find_quartic(code)
+        u = text.value(POINTS[0])
+        for i in text.each(code.D):
+            work.start[i] = code.apply(POINT, i, u=u)["point"]
+        code.call("f", work.start, code.table, work.f)
+        for i in _read(code):
+            work.quartic[i] = code.apply(QUARTIC, i, f_point=work.f[i])["quartic"]
     _look_inside(code, 0, 0.0, line.x)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else work.new
@@ -355,10 +317,7 @@ def _keep_beyond(code, truth, state):
 
 
 def _look_inside(code, k, u, x):
-    """Write the arguments of sin, cos and tan, and rates of surfaces, at point k of a step.
-
-    The state at this point is x; it is at the fraction u of the step.
-    """
+    """Write what `double_crossings` reads at point k of a step: state x at the fraction u."""
     work, integrator, moving = code.work, code.integrator, code.work.moving
     of, D, points = integrator.double_crossings, integrator.watched, 1 + len(POINTS)
     phases = work.points.after(points * integrator.surfaces)
@@ -392,12 +351,9 @@ def _double_crossings(code, inputs):
 
 
 def _aim(code, inputs, searches, from_start):
-    """Return `aim`, `since`, `place` and `left`, found by Newton's method, as inputs of kernels.
+    """Return times to surfaces, by Newton's method, and a better `place` of the first crossing.
 
-    `aim` is the length of a step to the surface, `since` the time since the earliest crossing,
-    `place` the fraction of the step at the first crossing, `left` the time left to a surface of an
-    event. `inputs` are the inputs so far. `searches` marks lanes that sought a surface before this
-    step, `from_start` lanes in which no step without a crossing is known.
+    A step that begins on a surface may return to the surface early: then `place` is where it does.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))
@@ -418,7 +374,7 @@ def _aim(code, inputs, searches, from_start):
             work.end.after(D)[i] = sign * work.f_new[i]
         text.copy(line.side, work.end.after(2 * D), 2 * surfaces)
         code.call("aim", work.end, code.table, work.aim)
-        to_surface, since, left = (work.aim[k] for k in range(3))
+        to_surface, since, left = (work.aim[k] for k in range(3))  # see `aim_of`
         aim, since = searches.select(taken + to_surface, inf), searches.select(since, 0.0)
         back = 1.0 + to_surface / taken  # where the step returns to the surface of its start
         back = ((back > 0.0) & (back < end)).select(back, 0.5 * end)
@@ -448,14 +404,3 @@ def _put_point(code, u, to):
 def _read(code):
     """Return an iterator; a `for` over it adds a loop over the components that surfaces read."""
     return code.text.listed(code.integrator.read)()
-
-
-def _find_quartic(code):
-    """Write results of `QUARTIC`, for components that surfaces read, to the row `quartic`."""
-    text, work = code.text, code.work
-    u = text.value(POINTS[0])
-    for i in text.each(code.D):
-        work.start[i] = code.apply(POINT, i, u=u)["point"]
-    code.call("f", work.start, code.table, work.f)
-    for i in _read(code):
-        work.quartic[i] = code.apply(QUARTIC, i, f_point=work.f[i])["quartic"]

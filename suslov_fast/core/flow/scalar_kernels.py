@@ -20,13 +20,10 @@ class ScalarKernel(NamedTuple):
     results: dict
 
 
-def scalar_kernel(function, *others):
-    """Return the `ScalarKernel` of a function of `Number`s that returns a dict of results.
-
-    Parameters with defaults are inputs if their names are in `others`.
-    """
+def scalar_kernel(function):
+    """Return the `ScalarKernel` of a function of `Number`s that returns a dict of results."""
     parameters = inspect.signature(function).parameters.values()
-    inputs = [each.name for each in parameters if each.default is each.empty or each.name in others]
+    inputs = [each.name for each in parameters if each.default is each.empty]
     values = Values(len(inputs), ())
     found = function(**{name: values.number(k) for k, name in enumerate(inputs)})
     results = {name: operand_of(a) for name, a in found.items()}

@@ -2,11 +2,8 @@
 
 The error estimate of an explicit step of order 10 is of order 9. So the next length is this length
 times SAFETY ratio**(-1/9), within 3.4 percent, by the bits of the ratio. A rejected step is
-repeated with the next length, and the step after that is not longer.
-
-All columns may agree on a false end, because f changes within a layer thinner than their sub-steps.
-Columns of `gragg` and `linearly_implicit` have a sum that vanishes on true steps, to the order of
-the method. A step is rejected if this sum exceeds MOST_APART times the allowed error.
+repeated with the next length, and the step after that is not longer. A step is false if all columns
+agree on a false end, in a layer of f thinner than their sub-steps; a sum shows this (`step`).
 
 If the next step would pass one requested time, a step from the same state ends there first. It is
 called a step aside: its end is tested and saved, but the trajectory stays. Each time in an implicit
@@ -34,7 +31,7 @@ AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
-# MOST_APART allowed errors bound the sum that vanishes on true steps: 30 would refuse some of them,
+# MOST_APART allowed errors bound the sum that shows false steps: 30 would refuse some true steps,
 # and 100 accept more false steps. OF_APART is the factor of the length after such a refusal.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
@@ -83,7 +80,7 @@ def _root(a):
 
 @scalar_kernel
 def BEGIN_COMPONENT(x, f, counts, size, rate, total):
-    """Update `size` = max |x|, `rate` = max |f|, `total` = sum |x| + |f|; `counts` 0 is a clock."""
+    """Update `size` = max |x| and `rate` = max |f|, without clocks; and `total` = sum |x| + |f|."""
     size, rate = larger(abs(x) * counts, size), larger(abs(f) * counts, rate)
     return {"size": size, "rate": rate, "total": total + abs(f) + abs(x)}
 
@@ -102,11 +99,7 @@ def first_length(size, rate, part, last):
 
 @scalar_kernel
 def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
-    """Return rows of a new trajectory, from sums of `BEGIN_COMPONENT` and `part`, see `first_part`.
-
-    `first_next` and `second_next` are the first requested times. `longest` bounds the length. The
-    state is `first_state`, or NO_VALUE if `total` is not finite.
-    """
+    """Return rows of a new trajectory: its first length, and NO_VALUE if x or f is not finite."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
     has_value = total < inf
     return {
@@ -122,23 +115,17 @@ def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first
 
 @scalar_kernel
 def NEAR(outer):
-    """Return two fractions of time, `reach` and `shortest`; they are 1 and 0 in a search (`outer`).
-
-    A step above `reach` of the time left takes all of it. A lane ends if its next length is below
-    `shortest` * t. `outer` is finite in a search: a length that crosses the surface.
-    """
+    """Return REACH and SHORTEST; or 1 and 0 in a search for a surface, which needs any length."""
     is_near = outer < inf
     return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
 
 
 @scalar_kernel
 def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
-    """Return `taken`, the length of this step, `signed` (the length with `sign`), and `aside`.
+    """Return the length `taken` of the next step; it is 0 in lanes of the other integrator.
 
-    Lanes that are not in the state `mode` use the other integrator; their length is 0. If a step of
-    the length `wanted` would pass the requested time `next`, but not the following one, `second`,
-    it ends at `next`, and `aside` is 1. If `wanted` is above the fraction `reach` of the time left,
-    the step ends at `last`. At `last`, where an event has yet to act, the length is TINY.
+    A step that would pass the requested time `next`, but not `second`, is a step aside: it ends at
+    `next`. At the time `last`, where an event has yet to act, the length is TINY.
     """
     rest, to_next, to_second = larger(last - t, TINY), larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -177,12 +164,7 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Return whether a step is `accepted`, whether a step aside has `served`, and rows of the line.
-
-    `taken` is the length. `ratio` is max error / allowed error, `of_length` the ratio for the next
-    length; `apart` is large in false steps. `total` is finite if f_next is, and `kept` is 0 if a
-    sign is lost. `longer` bounds the factor of the length; `on_trial` is 1 after a second trial.
-    """
+    """Decide whether a step is accepted, or a step aside has `served`; return the rows after it."""
     is_finite = total < inf
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the error estimate is valid
@@ -210,7 +192,7 @@ def AFTER(
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run, states (ENDED if wanted < shortest * t), and where tries > most."""
+    """Return which lanes run; `state`, ENDED if `wanted` is too short; and where tries are over."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
     state = is_short.select(float(LaneState.ENDED), state)
@@ -218,17 +200,13 @@ def _ends(t, taken, wanted, state, tries, shortest, most):
 
 
 def _is_stiff(rates, states, limit):
+    """Return whether h |mu| > limit, where (h |mu|)**2 = rates / states, see `DIFFERENCES`."""
     return (rates > limit * limit * states) & (states > 0.0)
 
 
 @scalar_kernel
 def LOOKS(t, taken, wanted, tries, rates, states, stiff, apart, shortest, limit, most):
-    """Return whether `TURN_EXPLICIT` may change a lane: it looks stiff, or is about to end.
-
-    rates / states is (h |mu|)**2 with eigenvalues mu of f'; above `limit`**2 a step is stiff.
-    `stiff` counts stiff steps, and `apart` shows false ones. A lane ends if its next length is
-    below `shortest` * t, or after `most` tries.
-    """
+    """Return True if `TURN_EXPLICIT` may change a lane: its step looks stiff, or it may end."""
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
     is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
     return {"looks": (taken > 0.0) & (is_stiff | is_over)}
@@ -239,11 +217,9 @@ def TURN_EXPLICIT(
     t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
     ratio, apart, shortest, limit, switches, most,
 ):  # fmt: skip
-    """Return rows of an explicit lane after a step; it may end, or turn implicit if `switches` = 1.
+    """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
-    rates / states is (h |mu|)**2 with eigenvalues mu of f'; a step is stiff above `limit`**2.
-    `stiff` counts stiff steps and, with weights, false steps (`ratio`, `apart`). `easy` counts the
-    steps after the last of these. If `stiff` reaches `patience`, the lane turns implicit.
+    Steps in a row that do not look stiff (`easy`) end the count. The lane may also end.
     """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
@@ -269,12 +245,11 @@ def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
     switches, most,
 ):  # fmt: skip
-    """Return `wanted`, `state`, `easy`, `patience` and `trial` of an implicit lane after a step.
+    """Count easy steps in a row; after EASY of them an implicit lane turns explicit.
 
-    A step is easy if rate * wanted < 2 limit, or < 0.6 limit in the first steps, which `trial`
-    counts down; `rate` is |mu|, the largest eigenvalue of f'. `easy` counts consecutive easy steps.
-    After EASY of them the lane turns explicit if `switches` is 1. If this is in its first steps,
-    the number `patience` of stiff steps until the lane turns back grows. It may end as in `LOOKS`.
+    A step is easy if h |mu| < 2 limit, so that an explicit step could be as long. In the trial, the
+    first TRIAL steps, this bound is lower. A lane that turns explicit in its trial has more
+    `patience` afterwards, so that it does not change back and forth.
     """
     runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     accepted = accepted > 0.0

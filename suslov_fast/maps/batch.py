@@ -45,10 +45,7 @@ _SILENT = nullcontext()  # made once, for speed in small calls
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
-    """Check `progress`; return a context manager for a run of `total` steps.
-
-    It opens and closes a bar. It gives a `Report` to call with steps done, None without progress.
-    """
+    """Check `progress`; return a context manager that gives the `Report` of a run, or None."""
     if progress is None or progress is False:
         return _SILENT
     if progress is True:
@@ -61,14 +58,8 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
 
 @contextmanager
 def _bar(tqdm: Any, total: int) -> Iterator[Report]:
-    """Open a bar of `total` steps; yield the function that moves it to a number of steps done."""
     with tqdm(total=total, unit="", unit_scale=True) as bar:  # steps, states or trajectories
-
-        def report(done: int) -> bool:
-            bar.update(done - bar.n)
-            return True
-
-        yield report
+        yield lambda done: bar.update(done - bar.n) is not False
 
 
 class StepMethod(NamedTuple):

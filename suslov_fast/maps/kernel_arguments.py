@@ -12,7 +12,6 @@ from ..core.maps.kernel import scheme_of
 from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
-from ..core.suslov.map_3d import BodySystem
 from ..core.suslov.map_nd import FAR_FROM_0, NDSystem
 
 
@@ -91,12 +90,6 @@ def map_system(body: Any, _: float) -> FieldSystem:
     if not body._operations.usual:
         raise wrong("system", f"a map of at most {LONGEST:,} operations", body._called)
     return map_system_of(body._operations, body._rows)
-
-
-def body_system(body: Any, eps: float) -> BodySystem:
-    """Return the constants of a single body in three dimensions, for `compiled`."""
-    I1, I2, I13, I23, k = map(float, body._constants)
-    return BodySystem(I1, I2, I13, I23, k, eps)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:

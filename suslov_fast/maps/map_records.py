@@ -1,7 +1,7 @@
 """Records of maps: their class `Discretization`, and the map for a system and a method."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -15,7 +15,8 @@ from ..fields.field import Field
 from ..fields.map import Map
 from .batch import StepMethod
 from .evaluation import Formula
-from .formulas import eigenvalues
+from .formulas import KAHAN, eigenvalues
+from .orders import COMPOSITIONS, FIELD, OWN_MAP, field_in
 from .problem import Problem
 
 Method = Literal["auto", "gauss", "order2", "order4", "order6", "order8"]
@@ -47,7 +48,21 @@ class Discretization:
         return named, (self.name,)
 
 
-MAPS: dict[str, Discretization] = {}  # all maps, by their names
+_METHODS = {"auto": FIELD, "order2": FIELD}
+_KAHAN = Discretization("Kahan", "Kahan map of a quadratic field", Field, _METHODS, KAHAN)
+_COMPOSED = (
+    replace(
+        _KAHAN,
+        name=f"Kahan, order {order}",
+        title=f"Composition of Kahan maps, order {order}",
+        methods={f"order{order}": field_in(stages)},
+        stages=stages,
+    )
+    for order, stages in COMPOSITIONS.items()
+)
+_OWN = Discretization("Map", "Map", Map, {"auto": OWN_MAP}, {})
+# All maps, by their names. The files of bodies add the maps of bodies.
+MAPS: dict[str, Discretization] = {each.name: each for each in (_KAHAN, *_COMPOSED, _OWN)}
 
 
 def map_of(body: Any, method: str = "auto") -> Discretization:

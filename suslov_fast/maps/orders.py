@@ -6,17 +6,9 @@ from typing import Any
 from ..core.maps import kernel
 from ..core.maps.stages import Stages
 from ..core.suslov import map_nd as steps_nd, steps as steps_3d
+from ..core.suslov.map_3d import BodySystem
+from . import kernel_arguments as of
 from .batch import StepMethod
-from .kernel_arguments import (
-    body_system,
-    by_constants,
-    by_map,
-    by_scheme,
-    by_zeros,
-    field_system,
-    map_system,
-    nd_system,
-)
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
@@ -31,17 +23,23 @@ def _cost_in_3d(D: int, arguments: Any) -> float:
 
 
 # The map of bodies in three dimensions.
-STEPS_3D = StepMethod(steps_3d.steps, by_constants, body_system, steps_3d.CARRIED, _cost_in_3d)
+STEPS_3D = StepMethod(
+    kernel=steps_3d.steps,
+    arguments=of.by_constants,
+    system=lambda body, eps: BodySystem(*(*body._constants, eps)),
+    carried=steps_3d.CARRIED,
+    cost=_cost_in_3d,
+)
 # Kahan's map of a field, or of the field of a body.
 FIELD = StepMethod(
-    kernel.field_steps, by_scheme, field_system, 1, _cost_of_field, 32, by_zeros, True
+    kernel.field_steps, of.by_scheme, of.field_system, 1, _cost_of_field, 32, of.by_zeros, True
 )
 # A map of the user, x -> f(x).
-OWN_MAP = FIELD._replace(arguments=by_map, system=map_system, divide=None, notes_poles=False)
+OWN_MAP = FIELD._replace(arguments=of.by_map, system=of.map_system, divide=None, notes_poles=False)
 STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step, with few eliminations
     kernel=steps_nd.nd_steps,
-    arguments=by_constants,
-    system=nd_system,
+    arguments=of.by_constants,
+    system=of.nd_system,
     carried=1,
     cost=lambda D, arguments: 16.0 * D + D**3 / 30.0,
     lanes=32,
@@ -50,7 +48,7 @@ STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step, wit
 GAUSS = STEPS_ND._replace(  # the map of bodies in n dimensions, by elimination
     kernel=steps_nd.gauss_steps,
     cost=lambda D, arguments: D**3 / 3.0,
-    system=lambda body, eps: steps_nd.GaussSystem(*nd_system(body, eps)),
+    system=lambda body, eps: steps_nd.GaussSystem(*of.nd_system(body, eps)),
 )
 
 
@@ -92,7 +90,7 @@ COMPOSITIONS = {n: Stages((*first, *first[-2::-1])) for n, first in _TO_THE_MIDD
 def field_in(stages: Stages) -> StepMethod:
     """Return the `StepMethod` of fields for steps with these stages."""
     return FIELD._replace(
-        arguments=partial(by_scheme, stages=stages),
-        system=partial(field_system, stages=stages),
+        arguments=partial(of.by_scheme, stages=stages),
+        system=partial(of.field_system, stages=stages),
         goes_back=min(stages.fractions) < 0.0,
     )

@@ -1,11 +1,11 @@
 """Forces that hold constraints: where a solution slides along a surface, or a body rests on it.
 
-A constraint that holds fixes the rate n . x' of a surface with the gradient n, by a force along a
-direction d. Without forces the rates x' are y. With forces they become
+A constraint fixes the rate n . x' of a surface with the gradient n, by a force along a direction d.
+Without forces the rates x' are y. With the forces of all constraints that hold they become
 
-x' = y + sum_a w_a d_a,     n_a . (x' - y) = r_a for each constraint a that holds,
+x' = y + sum_a w_a d_a,     n_a . (x' - y) = r_a for each constraint a,
 
-so that the factors w solve the linear equations sum_b (n_a . d_b) w_b = r_a.
+with factors w that solve the linear equations sum_b (n_a . d_b) w_b = r_a.
 """
 
 from typing import NamedTuple
@@ -36,7 +36,7 @@ class ExtendedState(Expressions):
         self.true = self.number(0.0).equals(0.0)
 
     def slopes(self, results):
-        """Return the gradient {component: operand} of each of the operands `results`."""
+        """Return the gradient {component: operand} of each operand in `results`."""
         return gradients(self, needed_for(self.operations, results), results, self.D)
 
     def difference(self, a, b):
@@ -46,12 +46,12 @@ class ExtendedState(Expressions):
         return 0.0 if same(a, b) else self.emit("fsub", a, b)
 
     def dot(self, row, f):
-        """Return the `Number` of the product of {component: operand} and f (D)."""
+        """Return the `Number` of the scalar product of a gradient `row` and f (D)."""
         pairs = [(row[i], a) for i, a in enumerate(f) if i in row and not same(a, 0.0)]
         return self.number(dot(self.emit, pairs) if pairs else 0.0)
 
     def at(self, x, wanted):
-        """Return operands `wanted` at the state x, as `Number`s, and the sizes of their terms."""
+        """Return `Number`s: the operands `wanted` at the state x, and the sizes of their terms."""
         wanted = [*map(operand_of, wanted)]
         copy = dict(enumerate(x)) | {p: p for p in self.parameters}
         program = program_of(self.operations, wanted)
@@ -61,9 +61,9 @@ class ExtendedState(Expressions):
         return [*map(self.number, results)], [sizes[a] for a in wanted]
 
     def with_forces(self, y, constraints, changes):
-        """Return y (D) with the forces of constraints, their factors, and the matrix n_a . d_b.
+        """Return the rates y (D) with forces, the factors {mode: w_a}, and the matrix of n_a . d_b.
 
-        `constraints` is {mode: `Constraint`}, and `changes` {mode: `Number`} has r_a.
+        `constraints` is {mode: `Constraint`}, and `changes` is {mode: r_a}.
         """
         number, matrix, right, y = self.number, {}, {}, [*y]
         for a, (holds, gradient, _) in constraints.items():
@@ -83,9 +83,9 @@ class ExtendedState(Expressions):
 
 
 def _solved(matrix, right):
-    """Return {a: `Number`} that solves linear equations, by elimination without exchanges.
+    """Return the solution {a: `Number`} of linear equations, by elimination without exchanges.
 
-    `matrix` is {(a, b): `Number`}, without entries that are 0; `right` is {a: `Number`}.
+    `matrix` is {(a, b): entry}, without entries that are 0; `right` is {a: right side}.
     """
     matrix, right, places, solution = dict(matrix), dict(right), [*right], {}
     for n, a in enumerate(places):

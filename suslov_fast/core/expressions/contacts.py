@@ -1,9 +1,10 @@
 """Contacts: bodies that bounce from a surface, come to rest on it, and leave it again.
 
-An event is a contact if its action leaves states on its surface s = 0, but changes ds/dt. The mode
-of a contact is a component: 1 for a free body, 0 for a body at rest above the surface, -1 for a
-body at rest below. At rest a reaction acts in the direction in which the action moves a state; its
-factor makes d2s/dt2 = 0. The body leaves the surface when the reaction would have to pull.
+An event is a contact if its action leaves states on its surface s = 0, but changes ds/dt. Each
+contact has a mode, a further component of the state: 1 for a free body, 0 for a body at rest above
+the surface, -1 for a body at rest below. At rest a reaction acts in the direction in which the
+action moves a state, and makes d2s/dt2 = 0. The body leaves the surface when the reaction would
+have to pull.
 """
 
 from functools import reduce
@@ -25,31 +26,26 @@ LEAST = 2.0**-1000
 
 
 def may_be_contact(action, D, P):
-    """Return True if an `EventAction` leaves states on its surface, as bounces do.
-
-    Then the function s of the surface has the same modulus before and after the action, or s is 0
-    after the action. Some random states are tried.
-    """
+    """Return True if an action keeps |s| of its surface, or makes s 0, at random states."""
     if action.surface is None or action.to is None or action.most <= 1:
         return False
     x = dict(enumerate(np.random.default_rng(0).uniform(0.5, 1.5, (D + P, 16))))
-    [before] = abs(results_at(action.surface, x, (16,)))
-    new = dict(enumerate(results_at(action.to, x, (16,))))
-    [after] = abs(results_at(action.surface, x | new, (16,)))
+    new = x | dict(enumerate(results_at(action.to, x, (16,))))
+    before, after = (abs(results_at(action.surface, at, (16,))[0]) for at in (x, new))
     with np.errstate(all="ignore"):
         stays = np.minimum(after, abs(after - before)) <= 1e-9 * (1.0 + before)
     return bool((stays | ~np.isfinite(after)).all())
 
 
 class Contact:
-    """A contact in the `ExtendedState` `values`; f (D) are the rates of the free body.
+    """Formulas of a contact in the `ExtendedState` `values`; f (D) are the rates of the free body.
 
-    mode          the component that is its mode
-    s, rate       `Number`s: the function of its surface and ds/dt
-    to            operands (D) of the state after its action
+    mode          the component that is the mode of the contact
+    s, rate       `Number`s: the function s of the surface, and ds/dt
+    to            operands (D) of the state after the action
     direction     `EventAction.direction`
-    constraint    the `Constraint` that d2s/dt2 = 0 while the body rests
-    bend, square  d2s/dt2 of the free body, and the sum of the squares of its terms
+    constraint    the `Constraint` of a body at rest: d2s/dt2 = 0
+    bend, square  d2s/dt2 of the free body, and the sum of the squares of the terms of d2s/dt2
     """
 
     def __init__(self, values, action, mode, f):
@@ -68,16 +64,16 @@ class Contact:
 
 
 class Contacts:
-    """The contacts of equations with modes, {number of an event: `Contact`}.
+    """The contacts {number of an event: `Contact`} of equations with modes.
 
-    With the time t and its last value T, the last two components are T / (1 + T) and t.
+    After the modes, the state has two components: T / (1 + T) with the last time T, and the time.
 
-    reactions  {number of an event: minus d2s/dt2 without the reaction of this contact}
-    stopped    operands (D) of the state in which bodies at rest have no speed: ds/dt = 0
+    reactions  {number of an event: minus d2s/dt2 if this contact had no reaction}
+    stopped    operands (D) of the state, with ds/dt = 0 where a body rests
     """
 
     def __init__(self, values, contacts, factors, matrix, sign):
-        """Plan reactions from `factors` and `matrix` of `with_forces`; `sign` is the sign of T."""
+        """Take `factors` and `matrix` of `with_forces`, and the sign of T."""
         self.values, self.contacts, self.sign = values, contacts, sign
         self.time = values.number(values.modes[-1])
         self.constraints = {c.mode: c.constraint for c in contacts.values()}
@@ -86,10 +82,9 @@ class Contacts:
         self.stopped = values.with_forces(range(values.D), self.constraints, changes)[0]
 
     def with_pull(self, f):
-        """Return the rates f (D) with a second, smaller force at each contact.
+        """Return the rates f (D) with a small pull back to the surface wherever a body rests.
 
-        This force removes what rounding leaves of d2s/dt2, and pulls s and ds/dt to 0: their errors
-        would grow with the time and its square.
+        Without the pull, rounding errors of d2s/dt2 would let s grow with the square of the time.
         """
         part, changes = self.values.number(self.values.modes[-2]), {}
         k = PULL * self.sign * (1.0 - part) / part
@@ -99,7 +94,7 @@ class Contacts:
         return self.values.with_forces(f, self.constraints, changes)[0]
 
     def action_of(self, k):
-        """Return operands of the surface where event k acts or rest ends, and of the new state."""
+        """Return operands: the surface where event k acts or rest ends, and the new state."""
         contact, number = self.contacts[k], self.values.number
         s, rests = contact.s, contact.constraint.holds
         way = FAR * (self.time * self.time)
@@ -114,11 +109,10 @@ class Contacts:
         return surface.number, [*x, *self.values.modes]
 
     def decided(self, x, leaving=None):
-        """Return operands of the state x, with the modes that contacts have at x.
+        """Return the state x (operands) with modes of contacts, and no speed where bodies rest.
 
-        A body on its surface rests if its next bounce would be rounding, and if its reaction does
-        not pull. A body at rest has no speed. `leaving` is the number of the event (contact) at
-        which a resting body begins to move.
+        A body on its surface rests if its next bounce is below rounding errors, and if its reaction
+        does not pull. At event `leaving`, the body that rests there is set free.
         """
         values, number, time = self.values, self.values.number, self.time
         x = [*x]

@@ -11,11 +11,13 @@ to' v + dto/dp + (f_after - to' f_before) tau,     tau = (grad s . v + ds/dp) / 
 At given times tau is 0. If an action causes another one at the same instant, both have one tau.
 """
 
+from itertools import chain
 from math import inf
 from typing import NamedTuple
 
 from ..cached import cached_property
 from .derivative import gradients
+from .function_records import same
 from .programs import Expressions, Program, dot, emitted, needed_for, program_of, renumbered
 from .rounding import sizes_of
 from .tables import is_table
@@ -64,8 +66,8 @@ class EventAction(NamedTuple):
     to         `KeyedProgram` of the new state, or None if the state stays
     direction  1: acts where the function rises along the motion, -1: where it falls, 0: both
     most       the action of this number ends the trajectory; infinity if none ends it
-    holds      a state that an action puts on the surface counts as above it, whatever the rate is:
-               0: after no action, 1: after the action of this event, 2: after every action
+    holds      whether a state that an action puts on the surface counts as above it at any rate:
+               0: no; 1: after the action of this event; 2: after the action of any event
     """
 
     surface: Program | None
@@ -78,35 +80,34 @@ class EventAction(NamedTuple):
         """Return the numbers of all values that `surface` and `to` read, such as components."""
         numbers = set() if self.surface is None else read_by(self.surface, self.surface.results)
         if self.to is not None:
-            new = (a for i, a in enumerate(self.to.results) if type(a) is not int or a != i)
-            numbers |= read_by(self.to, new)
+            numbers |= read_by(self.to, [self.to.results[i] for i in components_of(self)])
         return numbers
 
 
 def with_parameters(actions, first):
-    """Return the `EventAction`s `actions` with parameters in place of constants, and the constants.
+    """Return `EventAction`s with parameters in place of constants, and a tuple of the constants.
 
-    The parameters have numbers from `first` on. So events that differ only by constants share code.
+    So events that differ by constants alone share code. Parameters are numbered from `first` on.
     """
-    programs = [program for action in actions for program in action[:2] if program is not None]
-    lists = []
-    for program in programs:
-        lists += [of for name, _, of in program.operations if name in _OF_PARAMETERS]
-        lists.append(program.results)
-    constants = {a: None for of in lists for a in of if type(a) is float}
+    constants = {}
+    for program in (each for action in actions for each in action[:2] if each is not None):
+        lists = [of for name, _, of in program.operations if name in _OF_PARAMETERS]
+        operands = chain(*lists, program.results)
+        constants |= dict.fromkeys(a for a in operands if type(a) is float)
     constants = [a for a in constants if a == a and a not in _PLAIN]
     parameters = {a: first + k for k, a in enumerate(constants)}
 
-    def new(operands, known=parameters):
-        later = (a if type(a) is float or a < first else a + len(constants) for a in operands)
-        return tuple(known.get(a, a) if type(a) is float else a for a in later)
+    def new(a, is_parameter=True):
+        if type(a) is float:
+            return parameters.get(a, a) if is_parameter else a
+        return a if a < first else a + len(constants)
 
     def of(program):
         operations = (
-            (name, *new([number]), new(operands, parameters if name in _OF_PARAMETERS else {}))
+            (name, new(number), tuple(new(a, name in _OF_PARAMETERS) for a in operands))
             for name, number, operands in program.operations
         )
-        return KeyedProgram(tuple(operations), new(program.results))
+        return KeyedProgram(tuple(operations), tuple(map(new, program.results)))
 
     pairs = ([program and of(program) for program in action[:2]] for action in actions)
     actions = (a._replace(surface=s, to=to) for a, (s, to) in zip(actions, pairs, strict=True))
@@ -114,7 +115,7 @@ def with_parameters(actions, first):
 
 
 def read_by(program, results):
-    """Return the set of numbers of values that a `Program` reads or that are in `results`."""
+    """Return the numbers of all values that a `Program` reads, or that are in `results`."""
     read = [a for each in program.operations for a in each[2]]
     return {a for a in (*read, *results) if type(a) is int}
 
@@ -137,21 +138,19 @@ class EventSet(NamedTuple):
     gaps         for each of them, True if its function may have no value
     flats        for each of them, True if its function may be 0 all around a state
     most         `EventAction.most` of all events
-    parts        `EventProgram`s by name, see below
+    parts        {name: `EventProgram`}
     components   for each event the numbers of the components that it may set
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
 
-    The parts of event k (`tau` and `column` exist if motions have columns v of derivatives):
+    The parts of event k are as follows. Those with columns v of derivatives exist if motions have
+    some. `tau{k}_{q}` and `column{k}_{q}` are for the column of parameter q, and also read its
+    scale.
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets
-    tau{k}     reads the state, v, and f before the event; its result is tau, the derivative of the
-               time of the event
+    tau{k}     reads the state, v, and f before the event; its result is tau
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
-
-    `tau{k}_{q}` and `column{k}_{q}` are for a column with respect to parameter q, and also read its
-    scale.
     """
 
     directions: tuple
@@ -180,14 +179,13 @@ def in_order_of_code(actions):
 def components_of(action):
     """Return the numbers of the components of the state that an `EventAction` may set."""
     results = () if action.to is None else action.to.results
-    return tuple(i for i, a in enumerate(results) if not (type(a) is int and a == i))
+    return tuple(i for i, a in enumerate(results) if not same(a, i))
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
     """Return the `EventSet` of `EventAction`s, for D components and P parameters.
 
-    If `with_columns` is True, the set has parts that change columns of derivatives with respect to
-    the initial state and to the parameters with the numbers `by`.
+    Parts for columns exist if `with_columns`; `by` has the parameters to differentiate by.
     """
     parts, components = {}, tuple(map(components_of, actions))
     for k, (action, of) in enumerate(zip(actions, components, strict=True)):
@@ -213,10 +211,10 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
 
 
 def _toward(actions, D, P):
-    """Return the `EventProgram` `toward`, which finds s, ds/dt and three sizes of each surface s.
+    """Return the `EventProgram` `toward` of the `EventAction`s on surfaces.
 
-    `actions` are the `EventAction`s on surfaces. The sizes are sums of moduli: of the terms of s,
-    of the terms of ds/dt, and of the slopes ds/dx_j.
+    Its results for each surface are s, ds/dt, and sums of moduli: of the terms of s, of the terms
+    of ds/dt, and of the slopes ds/dx_j.
     """
     values = Expressions(D + P, range(D, D + P))
     copies = [{i: i for i in range(D + P)} for _ in actions]
@@ -241,10 +239,9 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return {name: `EventProgram`}: the parts `tau` and `column` of `EventSet` for event k.
+    """Return {name: `EventProgram`} of `tau` (on surfaces alone) and `column` of event k.
 
-    If q is None, the column is with respect to the initial state, else to parameter by[q].
-    Events at times have no `tau`. `action` is the `EventAction` of event k.
+    The column is with respect to parameter by[q], or to the initial state if q is None.
     """
     values = Expressions(D + P, range(D, D + P))
     results = [*range(D)] if action.to is None else emitted(values, action.to)

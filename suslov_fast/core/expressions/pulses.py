@@ -1,10 +1,10 @@
 """The longest step of a right-hand side with narrow periodic pulses.
 
-Between the pulses of a function such as sin(t)**1000, f is constant. So all columns of a long step
-agree, and may miss pulses. Powers sin(a)**d, products of d waves sin(a), and functions such as exp
-and tanh of d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). Its width in
-time is d**-1/2 / a', with the rate a' of the phase. A step is at most REACH widths long, and less
-than five widths lie between two neighbouring points at which f is evaluated.
+Between the pulses of a function such as sin(t)**1000, f is constant, so a long step may miss pulses
+and yet have no estimated error. Powers sin(a)**d, products of d waves sin(a), and functions such as
+exp and tanh of d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). The width in
+time is d**-1/2 / a', with the rate a' of the phase. A step is at most REACH widths long; then two
+neighbouring points at which f is evaluated are less than five widths apart.
 """
 
 from math import inf
@@ -19,11 +19,11 @@ _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "sele
 
 
 class _Wave(NamedTuple):
-    """Bounds of a function of waves sin(a) and cos(a), or of a function linear in clocks.
+    """Bounds for a function of waves sin(a) and cos(a), or for a function that is linear in clocks.
 
-    size  bound of the modulus of the function; if it is linear in clocks, of its rate
-    rate  bound of a'**2 for its fastest wave; None if it is linear in clocks
-    d     bound of the sharpness d of its pulses; None if it is linear in clocks
+    size  bound of the modulus of the function, or of the rate of a linear function
+    rate  bound of a'**2 of the fastest wave; None for a linear function
+    d     bound of the sharpness d of pulses; None for a linear function
     """
 
     size: Number
@@ -32,10 +32,10 @@ class _Wave(NamedTuple):
 
 
 def longest_step(values, f, steady):
-    """Return the operand of the longest step of a `Program` f, in the `Expressions` `values`.
+    """Return the operand of the longest step of a `Program` f, infinity if f has no pulses.
 
-    Without pulses it is infinity. It may depend on parameters. `steady` are the components of
-    constant rates.
+    The operand depends on parameters alone, and is added to the `Expressions` `values`. `steady`
+    are the components of constant rates.
     """
     number, longest = values.number, values.number(inf)
     known = {i: _Wave(abs(number(f.results[i]))) for i in steady}

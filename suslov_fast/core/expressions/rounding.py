@@ -1,16 +1,15 @@
-"""Rounding errors of the values of a program: each is a small part of the size of its value."""
+"""Sizes of the values of a program: the rounding error of a value is a small part of its size."""
 
 from .dense_product import ENTRY, DenseMatrix, is_matrix
 from .values import larger, operand_of
 
 
 def sizes_of(values, operations, state, with_branches=True):
-    """Return {number of a value: size}, with sizes to which rounding errors are in proportion.
+    """Return {number of a value: size}, where sizes are `Number`s that are added to `values`.
 
-    The program `values` contains a copy of `operations`: `state` is {number of an input or value:
-    its operand in the copy}. Sizes are `Number`s, added to `values`. The size of a sum or
-    difference is the sum of the sizes of both operands; other sizes are about the modulus. The size
-    of a branch is the size of the chosen operand only if `with_branches`.
+    The size of a sum or difference is the sum of the sizes of its operands; other sizes are about
+    the modulus. `state` is {number of an input or value of `operations`: its operand in `values`}.
+    With `with_branches`, a branch has the size of the operand that it chooses.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:

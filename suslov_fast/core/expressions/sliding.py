@@ -1,12 +1,12 @@
 """Right-hand sides that slide: f with a mode for each surface at which it jumps.
 
 On a surface s = 0 to which f leads back from both sides, Filippov's solution slides: its rate is
-f_below + w (f_above - f_below) with the w at which ds/dt = 0, until w leaves [0, 1]. Here the side
-of each surface is a further component, its mode: 1 above, -1 below, 0 while the solution slides.
-Comparisons at the surface become truth values of its mode, and an event for each surface sets its
-mode. So steps, events, derivatives and implicit steps are the same as for any other f. If solutions
-slide along several surfaces at once, each surface has its own w, and every ds/dt is 0. This
-extension is unique if the jumps at the surfaces add up.
+f_below + w (f_above - f_below) with the w at which ds/dt = 0, until w leaves [0, 1]. Here each
+surface has a mode, a further component of the state: 1 above, -1 below, 0 while the solution
+slides. Comparisons at the surface become truth values of the mode, and an event sets the mode. So
+steps, events and derivatives are the same as for any other f. If solutions slide along several
+surfaces at once, each surface has its own w, and every ds/dt is 0. This extension is unique if the
+jump at each surface does not depend on the sides of other surfaces.
 """
 
 from functools import reduce
@@ -34,15 +34,13 @@ MOST, MOST_PAIRS = 24, 150
 
 
 class _Rates:
-    """The rates of a `Program` f with a mode for each of `pairs` of compared operands.
+    """The rates of a `Program` f (D) with a mode for each surface, then for each contact.
 
-    `comparisons` are from `_comparisons_in`, and `touching` is {number of an event: `EventAction`}
-    of contacts. f has D components and P parameters.
-
-    values       `ExtendedState`
-    surfaces     the operand of s for each of `pairs`
-    touching     {number of an event: `Contact`}
-    constraints  {mode: `Constraint`} of surfaces, then of contacts
+    pairs        the compared operands of each surface; `comparisons` are from `_comparisons_in`
+    values       the `ExtendedState` of f, its modes and its parameters
+    surfaces     the operand of s for each surface
+    touching     {number of an event: `Contact`}, at first {number of an event: `EventAction`}
+    constraints  {mode: `Constraint`}
     """
 
     def __init__(self, f, comparisons, pairs, touching, D, P):
@@ -84,8 +82,8 @@ class _Rates:
     def with_sides(self, sides):
         """Return the rates (D), the factors of constraints and their matrix, as `with_forces`.
 
-        `sides` is {number of a surface: True above}. The solution slides along other surfaces whose
-        modes are 0, and bodies rest at contacts.
+        Surfaces in `sides`, {number of a surface: True above}, are not slid along. Along other
+        surfaces the solution slides if their mode is 0, and bodies rest at contacts.
         """
         f, constraints = self._f(sides), self._constraints(sides)
         changes = {a: -self.values.dot(c.gradient, f) for a, c in constraints.items()}
@@ -103,12 +101,12 @@ class _Rates:
         return renamed(self.f.results, self._evaluated(sides))
 
     def _jumps(self, g, sides):
-        """Return the differences of f (D) on both sides of surface g."""
+        """Return f above surface g minus f below it, as D operands."""
         above, below = (self._f(sides | {g: is_above}) for is_above in (True, False))
         return [*map(self.values.difference, above, below)]
 
     def _evaluated(self, sides):
-        """Return {operand of f: its operand in `values`}, with the `sides` of some surfaces."""
+        """Return {operand of f: operand in `values`}, where `sides` replace some modes."""
         new, emit = dict(self.values.inputs), self.values.emit
         for name, number, operands in self.f.operations:
             of = renamed(operands, new)
@@ -135,20 +133,18 @@ class _Rates:
 
 
 class SlidingEquations(_Rates):
-    """Equations with modes, for D components and P parameters; `values` are `Expressions`.
+    """Equations with modes; `actions` are the `EventAction`s of events, events on surfaces first.
 
-    `actions` are the `EventAction`s of events, events on surfaces first; some are contacts (see
-    `contacts`). `sign` is the sign of the time. A mode is infinite if no
-    combination of modes is consistent, or if several combinations are.
+    The first mode is infinite if no combination of modes is consistent, or if several are. `sign`
+    is the sign of the time.
 
-    size      how many new components there are; 0 if no solution slides or rests
-    count     how many modes of surfaces there are: components D, D + 1, .... After them come modes
-              of contacts; then, if there are contacts, T / (1 + T), with the last time T, and t
-    pairs     the compared operands of each surface
-    results   operands of all rates in `values`
-    contacts  {number of an event that is a contact: component that is its mode}
-    actions   `EventAction`s: of events on surfaces, of modes, of all modes at time 0, others
-    surfaces_of_events  how many of these `actions` belong to events on surfaces
+    size      the number of new components; 0 if no solution slides or rests
+    count     the number of surfaces. Their modes are components D, D + 1, ...; then come modes of
+              contacts; if there are contacts, also T / (1 + T) with the last time T, and the time
+    results   the operands of all rates in `values`
+    contacts  {number of an event that is a contact: the component that is its mode}
+    actions   `EventAction`s: events on surfaces, modes, all modes at time 0, then other events
+    surfaces_of_events  the number of events on surfaces
     """
 
     def __init__(self, values, results, D, P, actions=(), sign=1):
@@ -193,7 +189,7 @@ class SlidingEquations(_Rates):
         return [self.sign * self.values.dot(self.slopes[g], f) for f in rates]
 
     def _event(self, k, action):
-        """Return the `EventAction` `action` of event k, which also sets the modes."""
+        """Return the `EventAction` `action` of event k, with the modes after the event."""
         values = self.values
         if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
@@ -229,9 +225,9 @@ class SlidingEquations(_Rates):
         return EventAction(s, to, -1, inf, 2)
 
     def _with_modes(self, x, leaving=None):
-        """Return operands of the state x with modes from its sides and, on surfaces, from rates.
+        """Return the state x (operands) with modes from its sides and, on surfaces, from rates.
 
-        A body that rests at the contact of the event `leaving` leaves it.
+        At event `leaving`, the body that rests at this contact is set free.
         """
         x = self.resting.decided(x, leaving) if self.contacts else [*x]
         for g, s in enumerate(self.values.at(x, self.surfaces)[0]):
@@ -241,9 +237,9 @@ class SlidingEquations(_Rates):
     def _decided(self, x, surfaces, at=None):
         """Return the state x (operands); `surfaces` that it is on get the modes to which f leads.
 
-        If `at` is not None, the solution arrives at the surface `at`, or leaves it. First each mode
-        is found on its own, from the rates on both sides of its surface. The mode of a side on
-        which f leads away from the surface stays. Then several modes are found together.
+        Each mode is found on its own, from the rates on both sides; the mode of a side on which f
+        leads away from the surface stays. Then several modes are found together. At surface `at`,
+        if given, the solution arrives, or stops sliding.
         """
         number, D = self.values.number, self.D
         for g in surfaces:
@@ -260,13 +256,13 @@ class SlidingEquations(_Rates):
         return self._together(x, at) if len(surfaces) > 1 else x
 
     def _together(self, x, at):
-        """Return the state x (operands) with the modes of several surfaces near it chosen together.
+        """Return the state x (operands) with consistent modes of several surfaces near it.
 
-        All modes become 0 (sliding) if this is possible, so that solutions continue when they wind
-        into the point where the surfaces meet. Otherwise modes are as in x or, of two surfaces, the
-        only consistent pair. The first mode is infinite if no pair or several are consistent, if a
-        state lies beyond its mode, or where solutions slide along two surfaces and the jump at one
-        depends on the side of the other. `at` is as in `_decided`.
+        All modes become 0 if solutions can slide along all these surfaces: so a solution goes on
+        that winds into the point where the surfaces meet. Of two surfaces, otherwise, the only
+        consistent pair is taken. If no pair or several are consistent, if a state lies beyond its
+        mode, or if solutions slide along surfaces with jumps that depend on each other, the first
+        mode is infinite.
         """
         D, n = self.D, self.count
         values, number = self.values, self.values.number
@@ -307,7 +303,7 @@ class SlidingEquations(_Rates):
         return with_modes(modes)
 
     def _are_consistent(self, x, on, part):
-        """Return the truth value that f leads to the modes of x from the surfaces it is `on`."""
+        """Return the truth value that f leads to the modes of x from the surfaces with `on`."""
         rates = self.values.at(x, [rate for pair in self.toward for rate in pair])[0]
         modes = map(self.values.number, x[self.D : self.D + self.count])
         truth = self.values.true
@@ -317,9 +313,9 @@ class SlidingEquations(_Rates):
 
 
 def _leads_to(mode, below, above, part):
-    """Return the truth value that f leads from a surface to a mode: to its side, or back to s = 0.
+    """Return the truth value that f leads from a surface to the side `mode`, or back if it is 0.
 
-    `below` and `above` are ds/dt on both sides; each must be at least `part` of the other rate.
+    `below` and `above` are ds/dt on both sides. Each must be at least `part` of the other one.
     """
 
     def leads(rate, other):
@@ -331,11 +327,10 @@ def _leads_to(mode, below, above, part):
 
 
 def _comparisons_in(values, program):
-    """Return {number of a comparison: (pair of compared operands, (kind, sign, ...))}.
+    """Return {number of a comparison or kink: (compared operands, (instruction, sign, ...))}.
 
-    `kind` is the instruction of the comparison or kink. `sign` is 1.0 if the comparison is true, or
-    chooses its first operand, where the first of the pair is larger; else -1.0. A quotient
-    c x / |x| has "fdiv", the value of x / |x| where the first is larger, and c.
+    The sign is 1.0 if the comparison is true, or chooses its first operand, where the first operand
+    of the pair is larger; else -1.0. A quotient c x / |x| is a kink, too: ("fdiv", that sign, c).
     """
     comparisons = {}
     for name, number, operands in program.operations:

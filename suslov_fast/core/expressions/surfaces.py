@@ -1,4 +1,4 @@
-"""Surfaces at which steps end: there branches of f change, or events act."""
+"""Surfaces at which steps end: branches of f change there, or events act."""
 
 from typing import NamedTuple
 
@@ -8,10 +8,10 @@ from .tables import Table, is_table
 class Surface(NamedTuple):
     """A surface; its function of the state is a result of `RightHandSide.watched`.
 
-    kind    the condition of the branch that changes at it. The function is the difference of the
-            numbers of a comparison, or the argument of "floor" or a `Table`. "event" for events
-    number  the number of the first parameter that holds the branch; for events their number
-    jumps   True if f jumps there; False at kinks, where f only bends, and for events
+    kind    "event", or the condition of the branch that changes there: a comparison, "floor" or a
+            `Table`. The function is the difference of the compared numbers, or the argument
+    number  the number of the first parameter that holds the branch, or the number of the event
+    jumps   True if f jumps there; False for events and kinks, where f only bends
     """
 
     kind: str
@@ -24,10 +24,10 @@ class Surface(NamedTuple):
         return Table.ROWS if is_table(self.kind) else 1
 
     def interval(self, number, places):
-        """Return `Number`s low and high: the branch holds between them; None for other kinds.
+        """Return the ends (low, high) of the interval of a "floor" or table, else None.
 
-        `places` is {number of a parameter: its operand}; the function `number` makes a `Number` of
-        an operand.
+        The branch stays the same between these `Number`s. `places` is {number of a parameter: its
+        operand}; `number` makes a `Number` of an operand.
         """
         if self.kind != "floor" and not is_table(self.kind):
             return None

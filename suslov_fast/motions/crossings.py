@@ -39,7 +39,7 @@ def crossings(
     direction: int | str = 0,
     transient: float = 0,
     most: int | None = None,
-    derivatives: Sequence[str] | str = (),
+    derivatives: str | Sequence[str] = (),
     threads: int | None = None,
     progress: Progress = None,
 ) -> Events:
@@ -54,25 +54,21 @@ def crossings(
 
     Parameters
     ----------
-    system : Field, Suslov3D, SuslovND or callable
-        A single field or body, or a batch, or a function as in :func:`flow`.
-    x0 : array_like(float, shape=(..., D))
-        Initial states, as in :func:`flow`.
-    surface : callable or str, or sequence of them
-        The name of a component, a formula of components, ``"z - 27"``, or a function s of the
-        state, ``lambda x: x[2] - 27``. The function is traced, as the function of a `Field` is, and
-        may have arguments with the names of parameters of the system.
+    system, x0
+        As in :func:`flow`.
+    surface : str or callable, or sequence of them
+        One or more surfaces, each as in :class:`Event`: ``"z - 27"``, or ``lambda x: x[2] - 27``.
     time : float
         The time after the transient; negative backwards in time.
     rtol, atol, max_step, stiff
         As in :func:`flow`.
     direction : {0, 1, -1} or {"both", "up", "down"}
-        Crossings in both directions (the default), or only where s increases, or decreases.
+        As in :class:`Event`.
     transient : float
         The time at the beginning in which crossings are ignored.
     most : int, optional
         The number of crossings, 1 or more, after which a trajectory ends.
-    derivatives : sequence of str, or str
+    derivatives : str or sequence of str
         As in :func:`flow`. ``crossings(...).derivatives["a"].time`` are the derivatives of the
         times with respect to the parameter a.
     threads, progress

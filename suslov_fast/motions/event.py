@@ -240,10 +240,10 @@ def traced(event: Event, system: Any) -> TracedEvent:
 
 
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
-    """Return a copy of a function in which outside names keep their present values.
+    """Return a copy of a function that keeps the present values of names from outside.
 
-    Functions of the same file that it calls are copied, too; `known` has the copies by id. Any
-    other object is returned as it is.
+    Functions of the same file that the function calls become such copies, too; `known` has the
+    copies by id. Anything but a Python function is returned as it is.
     """
     f = getattr(f, "py_func", f)  # the function that Numba has compiled
     if not isinstance(f, FunctionType):

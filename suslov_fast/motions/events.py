@@ -42,10 +42,9 @@ class Derivatives(dict[str, Any]):
 
 
 class EventDerivatives(NamedTuple):
-    """Derivatives of the times of K events, and of the states before and after them.
+    """Derivatives of the times of K events (K,), and of the states before and after them (K, D).
 
-    With respect to a parameter, `time` has the shape (K,), and `before` and `states` (K, D). With
-    respect to x0 there is one more axis of length D.
+    Derivatives with respect to x0 have one more axis, which has the length D.
     """
 
     time: FloatArray
@@ -63,8 +62,8 @@ class Events(Result):
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
-        Index of the trajectory, in the batch flattened in C order. ``events.of(i).time`` are the
-        times of events of trajectory i.
+        Index of the trajectory, in the batch flattened in C order. ``events.of(i)`` are the events
+        of trajectory i.
     which : ndarray(int, shape=(K,))
         The number of the surface or of the event in the list that was passed; 0 for a single one.
     time : ndarray(float, shape=(K,))
@@ -227,14 +226,14 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
 
 @functools.lru_cache(64)
 def _shared_times(first: int, sign: int, *each: bytes) -> EventTimes:
-    """Return the `EventTimes` that all trajectories share: one object for equal times."""
+    """Return `_event_times` for times that all trajectories share; cached for speed."""
     return _event_times(first, sign, [np.frombuffer(times)[np.newaxis] for times in each])
 
 
 def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
-    """Return the `EventTimes` of events with numbers from `first` on, and times (rows, k) each.
+    """Return `EventTimes` of the events first, first + 1, ..., from their times (rows, k).
 
-    Times are sign * time, ascending; infinity in place of NaN and of times in the other direction.
+    NaN, and times in the direction other than `sign`, become infinity: such events never act.
     """
     moduli = sign * np.concatenate(each, axis=1)
     moduli = np.where(moduli >= 0.0, moduli, np.inf)
@@ -257,12 +256,12 @@ def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: F
 
 
 def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
-    """Return which states x0 (..., D) rest on a surface that acts, and the event; or None, None.
+    """Return which states x0 (..., D) rest on the surface of an event, and the event; or two None.
 
-    A state rests on a surface if the rate of the surface function is 0 there, and the motion then
-    leaves the surface in a direction of the event. The rate follows from values near x0 along f, on
-    both sides, and the direction from the value after a midpoint step. If an event at time 0 may
-    change x0, no state rests.
+    A state rests on a surface if the rate of the surface function s is 0 in the state, and the
+    motion then leaves the surface in a direction in which the event acts. Differences of s before
+    and after x0 along f show the rate, a midpoint step shows the direction. If an event at time 0
+    may change x0, no state rests.
     """
     if any(event.times is not None and (event.times == 0.0).any() for event in events):
         return None, None
@@ -300,28 +299,17 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
 
 
 def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
-    """Return `Records` of the engine as `Events`; these have event numbers in the user's list."""
-    order = np.array(in_order_of_code(events), np.int64)
-    columns = {
-        "trajectory": records.trajectory,
-        "which": order[records.which],
-        "time": records.time,
-        "before": records.before,
-        "states": records.states,
-        "_time_by": records.time_by,
-        "_before_by": records.before_by,
-        "_states_by": records.states_by,
-    }
+    """Return `Records` of the engine as `Events`, with the numbers of events in the user's list."""
+    columns = {each.name: getattr(records, each.name.lstrip("_")) for each in OF_EVENTS}
+    columns["which"] = np.array(in_order_of_code(events), np.int64)[records.which]
     return events_of(columns, events, motion)
 
 
 def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -> Events:
-    """Return the `Events` of a motion from their arrays by name.
-
-    Raise ValueError if an array has the number of a trajectory or event that does not exist.
-    """
+    """Return the `Events` of a motion from the arrays that `OF_EVENTS` lists, by name."""
     status, C = motion.status, len(events)
     numbers = columns["trajectory"] * C + columns["which"]
+    # If numbers in a file are out of range, `bincount` or `reshape` raises a ValueError.
     count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
     final = np.full(motion.states.shape[1:], np.nan)
     if len(motion.time):

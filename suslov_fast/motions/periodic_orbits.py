@@ -50,13 +50,14 @@ class PeriodicOrbit(NamedTuple):
     period: float
     """The period."""
     multipliers: NDArray[np.complex128]
-    """Floquet multipliers: eigenvalues of the derivative of the motion over a period, by modulus.
+    """Floquet multipliers: eigenvalues of the derivative of the motion over a period.
 
-    Shape (D,), or less if variables have constant rates, as for :func:`lyapunov_exponents`."""
+    They are sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. The shape is (D,),
+    or less if variables have constant rates, as for :func:`lyapunov_exponents`."""
     residual: float
-    """Distance from the end of the orbit to its start, or between two arcs if it is larger.
+    """The largest distance from the end of the orbit, or of an arc, to the start of the next arc.
 
-    It is the largest modulus of a component, divided by the largest modulus in the states."""
+    Distances are moduli of components, divided by the largest modulus in the states."""
     stable: bool
     """True if the orbit attracts: all nontrivial multipliers have moduli below 1 - 1e-6.
 
@@ -113,18 +114,16 @@ def periodic_orbit(
     Returns
     -------
     PeriodicOrbit
-        A named tuple of `state` (D,), `period`, `multipliers`, `residual` and `stable`. Multipliers
-        are complex, sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Unless the
-        equations depend on time, one multiplier is 1 up to the error of the method.
+        A named tuple. Unless the equations depend on time, one multiplier is 1 up to the error of
+        the method.
 
     Raises
     ------
     NoConvergence
         If there is no periodic orbit near `x0` and `period`. The message says what was found
         instead: an equilibrium, or a motion that ends.
-    TypeError, ValueError
-        If an argument is out of range, or the system has no motion. If the equations depend on time
-        and `period` is left out, or is not a period of the force.
+    ValueError
+        If the equations depend on time and `period` is left out, or is not a period of the force.
 
     Warns
     -----
@@ -227,10 +226,7 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
 
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
-    """Return what the search has found in place of an orbit, as text; None for an orbit.
-
-    `given` is the period that was asked for.
-    """
+    """Return what a search from the period `given` found in place of an orbit, or None."""
     state, least = short(search.nodes[0].tolist()), _AT_REST * search.largest
     rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # per period
     if rate <= least and not search.flow.is_forced:  # the orbit does not move
@@ -245,7 +241,7 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
 
 
 def _one_turn(search: Shooting) -> Shooting:
-    """Return arcs of one turn, with a warning, if the arcs are several turns of an orbit."""
+    """Return the arcs, or if they are several turns of an orbit, arcs of one turn and a warning."""
     flow, x = search.flow, search.nodes[0]
     if flow.is_forced:
         return search
@@ -274,16 +270,20 @@ def _warn_of_distance(search: Shooting, x0: FloatArray) -> None:
 
 
 def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
+    """Return the orbit, after a warning if more than the `known` integrals make it a family."""
     product = np.eye(len(search.moving))
     for slopes in search.slopes:
         product = slopes @ product
     if not np.isfinite(product).all():
         found = f"an orbit of period {search.T:g} whose multipliers exceed the range of float64"
         raise NoConvergence(f"periodic_orbit found {found}: call flow for its states")
-    _warn_of_families(search, known)
+    trivial = (known or 0) + (not search.flow.is_forced)
+    if known is not None and search.freedom > trivial:
+        why = "the equations conserve something, so near orbits are periodic, too"
+        how = "if states are a force, write it as a function of a time t with t' = 1"
+        warn(f"periodic_orbit found a member of a family, which x0 and period choose: {why}; {how}")
     values = np.linalg.eigvals(product).astype(complex)
     order = np.lexsort((-values.imag, -abs(values)))
-    trivial = (known or 0) + (not search.flow.is_forced)
     others = values[np.argsort(abs(values - 1.0))][trivial:]
     is_stable = bool((abs(others) < 1.0 - _NEUTRAL).all())
     return PeriodicOrbit(
@@ -300,12 +300,3 @@ def _integrals(system: Any) -> int | None:
     [C] = coefficients(f, table)[:, moving]
     linear = len(moving) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(moving)
     return linear + system._is_hamiltonian
-
-
-def _warn_of_families(search: Shooting, known: int | None) -> None:
-    """Warn if the orbit has a family that the integrals do not explain; `known` is their number."""
-    if known is None or search.freedom <= known + (not search.flow.is_forced):
-        return
-    why = "the equations conserve something, so near orbits are periodic, too"
-    how = "if states are a force, write it as a function of a time t with t' = 1"
-    warn(f"periodic_orbit found a member of a family, which x0 and period choose: {why}; {how}")

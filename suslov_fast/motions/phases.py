@@ -69,15 +69,13 @@ def phases_of(rows: Any, surfaces: tuple[str, ...]) -> Phases:
 def rows_of(records: Any, D: int, count: int, contacts: int) -> FloatArray:
     """Return rows (K, 4) of phases: trajectory, number of the surface, time, place in `MODES`.
 
-    After D components, the states in `Records` have a mode for each of `count` surfaces of f, and
-    then for each of the contacts. Phases that begin and end at one instant are left out.
+    In the states of `Records`, modes follow after D components: `count` modes of surfaces of f,
+    then `contacts` modes of contacts. Phases that begin and end at one instant are left out.
     """
     rows = []
     for g in range(count + contacts):
-        before, after = (
-            a[:, D + g] < 0.5 if g >= count else a[:, D + g] == 0.0
-            for a in (records.before, records.states)
-        )
+        modes = records.before[:, D + g], records.states[:, D + g]
+        before, after = (mode < 0.5 if g >= count else mode == 0.0 for mode in modes)
         (changes,) = np.nonzero(before != after)
         trajectory, time = records.trajectory[changes], records.time[changes]
         is_new = np.ones(len(changes), bool)

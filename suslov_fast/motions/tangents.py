@@ -68,10 +68,9 @@ def exponents_of(
     transient: float,
     actions: tuple[EventAction, ...],
 ) -> tuple[FloatArray, SolverResult]:
-    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with their ends.
+    """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with the ends.
 
-    n counts components that an action sets, or with a varying rate in some member. `actions` are
-    the actions of events, in the order of code.
+    Left out are components that have a constant rate in all members, and that no event sets.
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
     result = empty_result(starts, 0)
@@ -106,9 +105,8 @@ def exponents_of(
 def _slowest_first(slopes: FloatArray) -> FloatArray:
     """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
 
-    Each column also has a small part of all directions, so that it turns to the slowest direction.
-    Otherwise a column along a fast eigenvector may stay there, which makes all segments short. So
-    may a column along a direction that is slowest at the start only.
+    Each column also has a small part of all directions, so that it turns to the slowest of them. A
+    column that stayed along a fast eigenvector would make all segments short.
     """
     rates, modes = np.linalg.eig(slopes)
     order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
@@ -119,10 +117,7 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
 
 
 def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return Q and the moduli of the diagonal of R for columns V = Q R (K, n, n).
-
-    Columns that are not finite become columns of the identity.
-    """
+    """Return Q and the moduli of the diagonal of R for V = Q R (K, n, n); infinite V become 1."""
     V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(V.shape[-1])
     Q, R = np.linalg.qr(V)
     return Q, abs(np.diagonal(R, axis1=1, axis2=2))
@@ -144,10 +139,8 @@ class _Run:
         self.event_times = request.event_times
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
-        has_frames = self.n <= _LARGEST_FRAME and not (
-            f.is_dense or f.products or f.branches or f.events
-        )
-        self.has_frames = np.full(len(x), has_frames)
+        is_plain = not (f.is_dense or f.products or f.branches or f.events)
+        self.has_frames = np.full(len(x), is_plain and self.n <= _LARGEST_FRAME)
         self.count = np.zeros(len(x), np.int64)  # number of segments so far
         self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
@@ -181,7 +174,8 @@ class _Run:
     ) -> bool:
         """Compute trajectories with an alarm again, from their starts in x.
 
-        Components that lost digits get a relative tolerance; after another alarm all components do.
+        Components that lost digits get a relative tolerance. After a second alarm all components
+        get one.
         """
         (which,) = np.nonzero(self.again)
         times = self.event_times and self.event_times.of(which)
@@ -235,7 +229,7 @@ class _Run:
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
         """Take a segment; return masks: it was short enough, and the next one may be longer.
 
-        `which` are numbers of trajectories. If `is_last`, there are no shorter segments.
+        If `is_last` is True, any segment is short enough, because there are no shorter ones.
         """
         D, n, K = self.f.D, self.n, len(which)
         sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))
@@ -262,17 +256,13 @@ class _Run:
         self.status[which[is_end]] = STATUS[engine.state][is_end]
         self.t[which[is_end]] += engine.t[is_end]
         is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
-        go = which[is_good]
         with np.errstate(all="ignore"):
-            logs = np.log(diagonal[is_good])
-            of_trace = end[is_good, -1] / sizes[is_good] - logs[:, :-1].sum(axis=1)
-        logs[:, -1] = np.where(matters[is_good, -1], logs[:, -1], of_trace)
-        self.logs[go] += np.where(lives[is_good], logs, 0.0)
-        self.x[go], self.Q[go], self.lost[go] = end[is_good, :D], Q[is_good], engine.lost[is_good]
-        self.passed[go] += passed[is_good]
-        self.count[go] += 1
-        self.duration[go] += length
-        self.t[go] += length
+            logs = np.log(diagonal)
+            of_trace = end[:, -1] / sizes - logs[:, :-1].sum(axis=1)
+        logs[:, -1] = np.where(matters[:, -1], logs[:, -1], of_trace)
+        self.passed[which[is_good]] += passed[is_good]
+        self.count[which[is_good]] += 1
+        self._accept(which, is_good, length, engine, Q, np.where(lives, logs, 0.0))
         if is_last and self.event_times is not None:
             least = np.maximum(_DEAD * largest, _NO_DIGITS)[:, np.newaxis]
             dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
@@ -283,7 +273,7 @@ class _Run:
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
     ) -> tuple[Any, Any]:
-        """Take a segment with orthonormal frames as columns; return the masks of `_segment`.
+        """Take a segment with orthonormal frames as columns, as `_segment` does with tangents.
 
         Trajectories that do not reach the end of the segment have no frames in later segments.
         """
@@ -303,12 +293,19 @@ class _Run:
         self.has_frames[which[ended]] = False
         most = _OFF * self.settings.rtol
         is_good = ~ended & (is_last | (off <= most))
+        self._accept(which, is_good, length, engine, Q, end[:, -n:] + np.log(diagonal))
+        return is_good, is_good & (4.0 * off <= most)
+
+    def _accept(
+        self, which: Any, is_good: Any, length: float, engine: BatchSolver, Q: Any, logs: Any
+    ) -> None:
+        """Go on from the end of a segment in those trajectories in which it was short enough."""
         go = which[is_good]
-        self.logs[go] += end[is_good, -n:] + np.log(diagonal[is_good])
-        self.x[go], self.Q[go], self.lost[go] = end[is_good, :D], Q[is_good], engine.lost[is_good]
+        self.x[go], self.lost[go] = engine.states[0, is_good, : self.f.D], engine.lost[is_good]
+        self.Q[go] = Q[is_good]
+        self.logs[go] += logs[is_good]
         self.duration[go] += length
         self.t[go] += length
-        return is_good, is_good & (4.0 * off <= most)
 
     def _table(self, which: NDArray[np.int64]) -> FloatArray:
         return self.table if self.table.ndim == 1 else self.table[which]
@@ -352,10 +349,7 @@ class _Run:
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _bury(self, k: int, are_lost: NDArray[np.bool_], V: FloatArray) -> None:
-        """Move columns that have lost their digits to the end; their exponents are -inf.
-
-        `V` has the columns of trajectory k; `are_lost` is True for columns without digits.
-        """
+        """Move columns of V that have lost their digits to the end; their exponents are -inf."""
         self.dead[k] |= are_lost
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]

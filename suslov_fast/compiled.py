@@ -1,16 +1,12 @@
 """Steps as ``njit`` functions, for your own compiled loops and for Python.
 
-:func:`system` returns the constants of a step, which is a step of a map, or the motion of a field
-over a time. :func:`step_system` takes the step of a state that is an array; it works in memory that
-:func:`work` allocates, once for each thread. For bodies in three dimensions :func:`step` takes a
-step of a state that is two numbers.
-
-States that do not exist are NaN. Arrays of types other than float64 do not compile (TypeError).
+:func:`system` returns the constants of a step: a step of a map, or the motion of a field over a
+time. :func:`step_system` computes the next state, an array, in memory that :func:`work` allocates;
+each thread of a loop needs memory of its own. For bodies in three dimensions :func:`step` takes and
+returns a state as two numbers. States that do not exist are NaN.
 """
 
-import sys
 from collections.abc import Sequence
-from types import ModuleType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -27,47 +23,21 @@ from .core.numba.arrays import uncounted
 from .core.numba.decorators import for_users, of_kind
 from .core.numba.intrinsics import with_item
 from .core.suslov.map_3d import BodySystem, one_step
-from .core.suslov.map_nd import GaussSystem, NDSystem
+from .core.suslov.map_nd import NDSystem
 from .fields.base import Body
 from .fields.field import Field
 from .fields.right_hand_sides import of_one
 from .keywords import public
 from .maps.map_records import eps_of, map_of
+from .motions import motion_arguments
 from .motions.event import Event
 from .motions.events import actions_of, batch_of, checked_events, event_times_of
-from .motions.motion_arguments import (
-    RTOL,
-    checked_derivatives,
-    checked_settings,
-    either_map_or_motion,
-)
 
-__all__ = [
-    "BodySystem",
-    "FieldSystem",
-    "GaussSystem",
-    "MotionSystem",
-    "NDSystem",
-    "end",
-    "step",
-    "step_system",
-    "system",
-    "with_parameters",
-    "with_time",
-    "work",
-]
+__all__ = ["end", "step", "step_system", "system", "with_parameters", "with_time", "work"]
 
 
 def __dir__() -> list[str]:
     return __all__
-
-
-class _Module(ModuleType):
-    def __call__(self, *_: Any, **__: Any) -> Any:
-        raise TypeError("compiled is a module: compiled.system(system, eps) is what its steps take")
-
-
-sys.modules[__name__].__class__ = _Module
 
 
 System = BodySystem | NDSystem | FieldSystem | MotionSystem
@@ -89,18 +59,18 @@ def system(
     *,
     method: str = "auto",
     time: float | None = None,
-    rtol: float = RTOL,
+    rtol: float = motion_arguments.RTOL,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
     events: Event | Sequence[Event] = (),
     derivatives: str | Sequence[str] = (),
 ) -> System:
-    """Return the constants of a step for compiled loops: of a single body, field or map.
+    """Return the constants of a step, for compiled loops with a single body, field or map.
 
     With `eps` a step is a step of Kahan's map. With `time` a step is the motion of a field over
-    this time, with the same bits as by :func:`suslov_fast.flow`; if a terminal event ends the
-    motion, the next state is the state at the event.
+    this time, with the same bits as in :func:`suslov_fast.flow`; if a terminal event ends the
+    motion earlier, the next state is the state at the event.
 
     Parameters
     ----------
@@ -116,16 +86,16 @@ def system(
         As in :func:`suslov_fast.flow`, only with `time`. With ``stiff=False`` half as much code is
         compiled.
     derivatives : str or sequence of str
-        As in :func:`suslov_fast.flow`, where "x0" is the state at the start of each step. The
-        arrays `x` and `out` of `step_system` then have D + D C entries: first the D components,
-        then the derivatives (D, C) in C order, with the columns for "x0" first. `step_system` does
-        not read the derivatives in `x`.
+        Names as in :func:`suslov_fast.flow`; "x0" is the state at the start of each step. With C
+        columns of derivatives the arrays `x` and `out` of `step_system` have D + D C entries: the D
+        components, then the derivatives (D, C) in C order, with the columns for "x0" first.
+        `step_system` does not read the derivatives in `x`.
 
     Returns
     -------
     NamedTuple of arrays and numbers
-        Pass it to compiled functions as an argument. It contains addresses of this process, so
-        Numba does not cache a function in which the system of a field is a global variable.
+        Pass it to compiled functions as an argument. For a field it contains memory addresses of
+        this process, so Numba does not cache functions that use it as a global variable.
 
     Examples
     --------
@@ -143,8 +113,8 @@ def system(
     given = Settings(rtol, atol, max_step, stiff)
     both = (0.0, 0) if time is None else (eps, None)
     others = {"method": method, **given._asdict(), "events": events, "derivatives": derivatives}
-    if either_map_or_motion("system", *both, time, **others):
-        settings = checked_settings(body, *given)
+    if motion_arguments.either_map_or_motion("system", *both, time, **others):
+        settings = motion_arguments.checked_settings(body, *given)
         return _motion(body, one_number("time", time), settings, events, derivatives)
     step_size: Any = within("eps", real_number("eps", eps_of("system", body, eps)), MOMENTS)
     if shape := np.broadcast_shapes(body.shape, np.shape(step_size)):
@@ -167,7 +137,7 @@ def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: An
     if shape := field.shape + batch_of(acting):
         received = f"a batch of shape {shape}: make a system for each"
         raise wrong("system", "a single field, with events of the same times for all", received)
-    names = checked_derivatives(field, derivatives)
+    names = motion_arguments.checked_derivatives(field, derivatives)
     by = tuple(name for name in names if name != "x0")
     f, given = of_one(field, by if names else None, actions_of(field, acting))
     if names:
@@ -184,7 +154,7 @@ def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: An
 def with_parameters(system: MotionSystem, parameters: FloatArray) -> MotionSystem:
     """Return the motion with other parameters (n,), in the order of ``system.parameters``.
 
-    Each step reads this array, so a loop may write new values to it. Nothing is compiled.
+    Nothing is compiled. Each step reads the array, so a loop may write new values to it.
     """
     if len(parameters) != len(system.parameters):
         raise ValueError("with_parameters: pass as many as system.parameters has")
@@ -220,10 +190,10 @@ def step_system(
 ) -> int:
     """Write the next state of x (D,) to `out` (D,), which may be x; return its Status.
 
-    If there is no next state, the status is negative and `out` is NaN. A step from a state where
-    det A < 0 has the positive status PASSED_POLE, except in three dimensions. So test
-    ``status < 0``, not whether it is 0. Arrays of another length raise a ValueError. Arrays of
-    types other than float64 raise a TypeError when the loop is compiled.
+    If there is no next state, the status is negative and `out` is NaN, so test ``status < 0``. The
+    positive status PASSED_POLE is for steps that pass a pole, except in three dimensions. Arrays of
+    another length raise a ValueError. Arrays of types other than float64 raise a TypeError when the
+    loop is compiled.
     """
     _check(x, out)
     D, (dimension, memory) = system.dimension, uncounted(work)

@@ -64,7 +64,6 @@ ROWS = [
     ("sf.Event([1, 2], to=lambda s: s) | sf.Event(time=[1, 2])", r"times"),
     ("flow(PENDULUM, [1, 0], time=10, step=0.01)", r"np\.arange"),
     ("RUN.plot(kind=1)", "use names, lines"),
-    ("sf.compiled(PENDULUM)", r"compiled\.system"),
     ("sf.iterate(QUADRATIC, [0.1, 0.2], 0.1, 1, derivatives='x0')", r"map\.jacobian"),
     ("sf.exact | from suslov_fast import exact", r"Suslov3D\.exact"),
     ("sf.first_integral | sf.limits | sf.criticality | sf.momentum | sf.reaction", "Suslov3D"),

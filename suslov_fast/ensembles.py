@@ -58,9 +58,10 @@ def ensemble(
 ) -> xarray.Dataset:
     """Compute a batch that is larger than memory, into a Zarr store (extra `large`).
 
-    The last axis of the batch is divided into chunks. :func:`flow` or :func:`iterate` computes each
-    chunk, which is then written. If the process ends early, the same call continues with the
-    missing chunks. Results have the same bits as of one call for the whole batch.
+    The trajectories on the last axis of the batch are divided into chunks. :func:`flow` or
+    :func:`iterate` computes a chunk, and the chunk is written to the store. If the process ends
+    early, the same call computes the missing chunks. States have the same bits as in one call of
+    these functions for the whole batch.
 
     Parameters
     ----------
@@ -68,17 +69,17 @@ def ensemble(
         A single system, or a batch.
     x0 : array_like(float, shape=(..., N, D)) or callable
         Initial states; or a function x0(k) that returns the initial states (..., n, D) of chunk k,
-        with the same n for all chunks. Only ``x0(0)`` is compared when a call continues a store.
+        with the same n for all chunks. A store is continued if its ``x0(0)`` is the same.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a store of Zarr.
     time, eps, steps : optional
         The times of :func:`flow`, or the step size and the number of steps of :func:`iterate`.
     chunks : int, optional
-        The largest number of chunks. By default the states of a chunk take 8 MB. If x0 is a
-        function, `chunks` is required, and x0 is called for 0, 1, ..., chunks - 1.
+        The largest number of chunks. By default the states of a chunk take at most 8 MB. If x0 is a
+        function, `chunks` is required, and x0 is called for k = 0, 1, ..., chunks - 1.
     client : distributed.Client, optional
-        A Dask client. Its workers compute the chunks and write them to the store. By default
-        chunks are computed here, one after the other.
+        A Dask client, for workers that compute chunks and write them to the store. By default this
+        process computes the chunks, one after the other.
     progress : bool or callable, optional
         As in :func:`iterate`; it counts trajectories in place of steps.
     **options
@@ -87,19 +88,19 @@ def ensemble(
     Returns
     -------
     xarray.Dataset
-        The store, as ``xarray.open_zarr(store)`` opens it. It has the variables that `to_xarray`
-        of a run returns; the last axis of the batch is the dimension "trajectory". Trajectories
-        that are not computed yet have the status -128.
+        ``xarray.open_zarr(store)``, with the variables that `to_xarray` of a run returns. The last
+        axis of the batch is the dimension "trajectory". Trajectories that are not computed yet have
+        the status -128.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is wrong, or the store contains something else; before any work.
+        If an argument is wrong, or the store contains something else. Nothing is computed then.
 
     Warns
     -----
     IntegrationWarning
-        Once for all trajectories that failed, with their statuses.
+        Once, with the number of trajectories that failed and their statuses.
 
     See Also
     --------
@@ -146,7 +147,7 @@ def ensemble(
         names = [*empty.to_xarray().status.dims[:-1], _AXIS]
         whole, encoding = _whole(to_xarray(empty, names), given, N, length)
         run = {k: _digest(value) for k, value in given.items() if k not in ("threads", "system")}
-        run |= _digests(system.to_dict())
+        run |= {f"system {name}": _digest(value) for name, value in system.to_dict().items()}
         whole.attrs["ensemble"] = json.dumps(run | {"chunks": length})
         status = _prepared(store, whole, encoding)
         given |= {"x0": x0 if callable(x0) else states} | ({"threads": 1} if client else {})
@@ -216,16 +217,6 @@ def _part(given: dict[str, Any], where: slice, N: int) -> dict[str, Any]:
         if axis >= 0 and np.shape(given[name])[axis] == N:
             part[name] = given[name][(slice(None),) * axis + (where,)]
     return part
-
-
-def _digests(system: dict[str, Any]) -> dict[str, str]:
-    """Return digests of the parameters of a system, and of the rest of its description."""
-    rest = dict(system)
-    parameters = rest.pop("parameters", {})
-    if "names" not in rest:  # a body, with its parameters as entries
-        rest, parameters = {"body": system["body"]}, {k: a for k, a in rest.items() if k != "body"}
-    digests = {f"parameter {name}": _digest(value) for name, value in parameters.items()}
-    return {"system": _digest(rest), **digests}
 
 
 def _digest(value: Any) -> str:

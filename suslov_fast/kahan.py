@@ -47,7 +47,7 @@ def jacobian(
 ) -> FloatArray:
     """Return the derivative of a step of the map: d(x_next)_i / dx_j is in row i and column j.
 
-    For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), where A is the :func:`matrix`; for the
+    For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), where A is the :func:`matrix`. For the
     methods of order 4, 6 and 8 it is the product of the derivatives of all sub-steps.
 
     Parameters
@@ -55,17 +55,17 @@ def jacobian(
     system : Field, Suslov3D or SuslovND
         A single field or body, or a batch.
     x : array_like(float, shape=(..., D))
-        States x of a field, or angular velocities of a body; NaN gives NaN.
+        States of a field, or angular velocities of a body; NaN gives NaN.
     eps : array_like(float, shape=(...))
-        Step size in time; a step with a negative step size goes back.
+        Step size in time; a step of -eps undoes a step of eps.
     method : str
         As in :func:`suslov_fast.iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
-        NaN for a state on a pole of the map, with one :class:`suslov_fast.IntegrationWarning` for
-        all these states.
+        NaN for a state on a pole of the map; one :class:`suslov_fast.IntegrationWarning` counts
+        these states.
 
     Examples
     --------
@@ -83,8 +83,8 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Return the matrix A of the linear system that a step of Kahan's map solves.
 
     A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the right-hand side. The
-    map has a pole where det A = 0. For a body without a rotor A x_next = x, with the matrices
-    before equation (5) and in equation (16) of Dragovic and Gajic, arXiv:0807.2966.
+    map has a pole where det A = 0. For a body without a rotor A x_next = x. Dragovic and Gajic,
+    arXiv:0807.2966, give A before equation (5), and for n dimensions in equation (16).
 
     Parameters
     ----------
@@ -111,12 +111,13 @@ def matrix(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
 def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatArray:
     """Return the modified energy, which the map conserves; for small eps it is near the energy.
 
-    For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the right-hand side
-    f and the :func:`matrix` A. The map conserves it exactly.
+    For a field with a Hamiltonian H the modified energy is H + (eps / 3) grad H . A**-1 f, with the
+    right-hand side f and the :func:`matrix` A. The map conserves it exactly.
 
-    For a body with the energy E it is E**2 / (E + eps**2 f.Jf / 8). The map conserves it exactly if
-    ``body.first_integral`` is known (in three dimensions it is 2 I1 I2 F), and for other bodies up
-    to an error of order eps**4.
+    For a body with the energy E it is E**2 / (E + eps**2 S / 8), where S is the sum of J_i f_i**2;
+    in three dimensions J = (I1, I2). The map conserves it exactly if the body has a known
+    ``first_integral`` F: in three dimensions the modified energy is 2 I1 I2 F. For other bodies it
+    varies by an error of order eps**4.
 
     Methods of higher order do not conserve it, because they combine steps of several sizes.
 
@@ -128,8 +129,8 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
     Returns
     -------
     ndarray(float, shape=(...))
-        In units of the energy. NaN for a state of a field on a pole of the map, with one
-        :class:`suslov_fast.IntegrationWarning` for all these states.
+        In units of the energy. NaN for a state of a field on a pole of the map; one
+        :class:`suslov_fast.IntegrationWarning` counts these states.
 
     Notes
     -----
@@ -152,26 +153,28 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
     """Return the density rho of an invariant measure: rho(x_next) det(jacobian at x) = rho(x).
 
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
-    dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)) with l = I13 Omega1 + I23 Omega2 + k.
+    dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)), where l = I13 Omega1 + I23 Omega2 + k.
 
-    In n dimensions rho is known if ``body.reduced()`` leaves two coordinates, or three coordinates
-    with one coupling. For n = 4 and I = (I1, 0, 0) it is 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
-    (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). A remainder w_E0 of k dimensions adds the factor
-    ``1 / |w_E0|**(k - 1)``: for odd k > 1 the identity above holds up to a sign. If I = 0, rho = 1.
+    In n dimensions rho = 1 if I = 0. Otherwise rho is known if :meth:`SuslovND.reduced` returns a
+    body with two components, or with three components and only one entry of I other than 0. For
+    three components (w1, w2, w3) and I = (I1, 0, 0) rho = 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
+    (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). If the reduction replaces a vector of k dimensions
+    by its length r, rho has the further factor r**(1 - k); for odd k > 1 the identity above then
+    holds up to a sign.
 
     Methods of higher order do not have these measures.
 
     Parameters
     ----------
     system, x, eps
-        As in :func:`jacobian`; eps = 0 is for the continuous motion.
+        As in :func:`jacobian`. With eps = 0 the continuous motion conserves the measure.
 
     Returns
     -------
     ndarray(float, shape=(...))
-        For a field without a unit, and infinite at poles. For a body in three dimensions in units
-        of 1 / (omega * inertia**3), with the sign of l, and infinite where l = 0. For n = 4 with
-        three coordinates in units of 1 / omega**2.
+        For a field dimensionless, and infinite at poles. For a body in three dimensions in units
+        of 1 / (omega * inertia**3), with the sign of l, and infinite where l = 0. For the formula
+        with w2 and w3 in units of 1 / omega**2.
 
     Raises
     ------
@@ -194,10 +197,10 @@ def multipliers(
 ) -> FloatArray:
     """Return the multipliers of fixed points: the eigenvalues of the derivative of the map.
 
-    A fixed point is stable if all moduli are below 1. Multipliers of Kahan's map are
-    (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'; for orders 4, 6 and 8 they are
-    the products of these numbers over all sub-steps. For a body in n dimensions mu = c s at
-    omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    A fixed point is stable if all moduli are below 1. For each eigenvalue mu of f' Kahan's map has
+    the multiplier (1 + eps mu / 2) / (1 - eps mu / 2). A method of order 4, 6 or 8 has the product
+    of these numbers over its sub-steps. At the steady state omega = c I of a body in n dimensions
+    mu = c s, where s is an eigenvalue of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
@@ -211,9 +214,9 @@ def multipliers(
     Returns
     -------
     ndarray(float or complex, shape=(..., D))
-        Sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Complex for a field or
-        a body with a rotor. Floats for other bodies, and the multiplier along their line of steady
-        states is 1. Infinite at a pole.
+        Sorted by decreasing modulus; of a conjugate pair the number with Im > 0 is first. Complex
+        for fields and for bodies with a rotor. Real for other bodies, with the multiplier 1 along
+        their line of steady states. Infinite at a pole.
 
     Raises
     ------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum
 from typing import Any
 
@@ -17,17 +16,18 @@ class Status(IntEnum):
     """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
 
     - `OK` (0): the trajectory is finished.
-    - `SINGULAR`, `NONFINITE` (negative): the last state of an orbit has no next state, or no next
-      state in the range of float64. A :class:`Motion` is `NONFINITE` if f has no value at x0.
-    - `SUPERCRITICAL`, `PASSED_POLE` (positive): the orbit need not follow the continuous motion. A
-      body in three dimensions is `SUPERCRITICAL` if its :meth:`Suslov3D.criticality` is 1 or more;
-      for `PASSED_POLE` of other systems see :class:`IntegrationWarning`.
+    - `SINGULAR` (negative): the last state of an orbit lies on a pole of the map.
+    - `NONFINITE` (negative): the next state of an orbit is beyond the range of float64, or the
+      right-hand side of a :class:`Motion` has no value at x0.
+    - `SUPERCRITICAL`, `PASSED_POLE` (positive): the orbit need not follow the continuous motion.
+      `SUPERCRITICAL` is for bodies in three dimensions with a :meth:`Suslov3D.criticality` of 1 or
+      more, `PASSED_POLE` for other systems, see :class:`IntegrationWarning`.
     - `ENDED`, `SLIDING`, `ACCUMULATES`, `TOO_MANY_STEPS` (negative): a :class:`Motion` stops before
       the last time.
     - `STOPPED` (positive): an event ended a :class:`Motion`.
     - `DEGENERATE` (positive), `NOT_FOUND` (negative): only of :func:`equilibria`.
 
-    `message` explains the status.
+    `message` explains the status in a sentence.
 
     Examples
     --------
@@ -89,22 +89,22 @@ _MESSAGES = {
 class IntegrationWarning(RuntimeWarning):
     """Some trajectories of a batch ended early, left the motion, or lost digits.
 
-    - **They failed**: `status` is negative and tells the cause (:class:`Status`), `failed_at` of a
-      run is the number of the first missing state, and states are NaN from there on. Other
-      trajectories are not affected. With the argument ``on_singular`` of :func:`iterate` the
-      failure raises a :class:`SingularStepError` instead, or is ignored.
-    - **They passed a pole of the map**, or eps is too large for them. There are two signs of this.
-      A trajectory took a step from a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x):
-      eps mu / 2 > 1 for an odd number of real eigenvalues mu of f'. Or a component that is a factor
-      of its own equation, such as a population, changed its sign, which is impossible along the
-      motion. If the motion escapes to infinity, the map returns from the other side. The absence of
-      a warning proves nothing, because an even number of such eigenvalues is not detected.
+    - **They failed**: `status` is negative, and states are NaN from the number `failed_at` of a run
+      on. :class:`Status` lists the causes. Other trajectories are not affected. With
+      ``on_singular="raise"`` :func:`iterate` raises a :class:`SingularStepError` instead.
+    - **They passed a pole of the map**, or eps is too large for them. If the motion escapes to
+      infinity, the map passes a pole and returns from the other side. There are two signs of this.
+      A trajectory took a step from a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x);
+      then eps mu / 2 > 1 for an odd number of real eigenvalues mu of f'. Or a component that is a
+      factor of its own equation, such as a population, changed its sign, which is impossible along
+      the motion. An even number of eigenvalues is not detected, so a run without a warning may have
+      passed poles, too.
 
       These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
       run is the number of the first state after such a step, and `valid` is True before it. Later
-      states belong to the map; they approximate the motion only if the orbit does not move along
-      the eigenvector of mu. Orders 4 to 8 contain steps backwards in time, for which a mode that
-      decays fast looks like a pole.
+      states belong to the map. They approximate the motion only if the orbit does not move along
+      the eigenvector of mu. Methods of order 4 to 8 have sub-steps backwards in time, in which a
+      mode that decays fast looks like a pole.
     - **Solutions of** :func:`flow` **end** before the last time, or a component has lost its
       digits. One warning counts them, and names the first time.
     """
@@ -124,17 +124,8 @@ def ended_in_words(status: NDArray[np.int8]) -> str:
     return "".join(texts)
 
 
-def report_poles(
-    problem: Any,
-    steps: Any,
-    status: NDArray[np.int8],
-    failed_at: NDArray[np.int64],
-    by_sign: Any,
-) -> None:
-    """Warn if trajectories of a problem passed a pole; `steps` is the `StepMethod`.
-
-    `by_sign` is True for poles that were found by the change of sign of a component.
-    """
+def report_poles(problem: Any, status: Any, failed_at: Any, by_sign: Any) -> None:
+    """Warn if trajectories of a problem passed a pole; `by_sign` is True if a sign showed it."""
     passed = status == Status.PASSED_POLE
     if not passed.any():
         return
@@ -142,10 +133,10 @@ def report_poles(
     step = int(failed_at[index])
     if problem.body._may_escape:
         time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
-        why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
+        why = f"the motion escapes to infinity before t = {time:g}, or {why}"
     if (passed & by_sign).any():
         why += " (a component that cannot change its sign did)"
-    if steps.goes_back:
+    if problem.map.methods[problem.method].goes_back:
         why += ", or a mode decays so fast that a substep backwards in time looks "
         why += "like a pole, and the states may be right"
     warn(
@@ -153,10 +144,3 @@ def report_poles(
         f"(first: trajectory {spell(index)} at step {step}): {why}",
         IntegrationWarning,
     )
-
-
-def _at_least(time: float) -> str:
-    """Return a time with two digits, rounded away from 0: the motion escapes before this time."""
-    unit = 10.0 ** (math.floor(math.log10(abs(time))) - 1) if time else 1.0
-    digits = math.ceil(abs(time) / unit * (1 - 1e-12))
-    return f"{math.copysign(float(f'{digits * unit:.2g}'), time):g}"

@@ -168,7 +168,6 @@ def _of_map(problem: Problem, steps: int, transient: Any, progress: Progress) ->
     exponents = means.reshape(*problem.batch, problem.body.dimension) / length
     report_poles(
         problem,
-        problem.map.methods[problem.method],
         found.status.reshape(problem.batch),
         found.failed_at.reshape(problem.batch),
         by_sign=found.by_sign.reshape(problem.batch),

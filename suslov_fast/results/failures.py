@@ -55,7 +55,7 @@ def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: in
     if not (status.item() if status.size == 1 else status.any()):
         return
     if on_singular != "ignore":
-        report_poles(batch_run.problem, batch_run.steps, status, failed_at, batch_run.by_sign)
+        report_poles(batch_run.problem, status, failed_at, batch_run.by_sign)
     if status.min() >= 0:
         return
     texts = []

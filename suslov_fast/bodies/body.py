@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -28,7 +28,14 @@ class BodyOfEquations(Body):
 
     @public
     def __call__(self, omega: ArrayLike, /) -> FloatArray:
-        """Return the time derivative of the state, by the equations of motion."""
+        """Return the rates Omega' (..., D) of angular velocities (..., D), unit omega**2.
+
+        These are the equations of motion: (2) and (14) of Dragovic and Gajic, arXiv:0807.2966.
+
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)([1.0, 0.5])
+        array([ 0.078125, -0.625   ])
+        """
         values: FloatArray = self._field(omega)
         return values
 
@@ -71,13 +78,9 @@ class Suslov(BodyOfEquations):
         return self._with_parts({**self._parts, "rotation": rotation})
 
     @classmethod
-    @public
-    def from_dict(cls, parameters: Mapping[str, Any]) -> Self:
-        """Return the body in a dictionary, as :meth:`Field.from_dict` does."""
-        checks.instance("parameters", parameters, Mapping)
-        given = dict(parameters)
+    def _from_dict(cls, given: dict[str, Any]) -> Self:
         rotation = given.pop("rotation", None)
-        body = cls._from_dict(given)
+        body = super()._from_dict(given)
         if rotation is None:
             return body
         return body._rotated(checks.rotations("rotation", rotation, body.dimension + 1))
@@ -100,18 +103,6 @@ class Suslov(BodyOfEquations):
     def _problem(self, omega: Any, eps: Any = 0.0, threads: int | None = None) -> Problem:
         """Return the checked problem of initial states and step sizes."""
         return check(map_of(self), self, omega, eps, threads, name="omega0")
-
-    @public
-    def __call__(self, omega: ArrayLike, /) -> FloatArray:
-        """Return the rates Omega' (..., D) of angular velocities (..., D), unit omega**2.
-
-        Equations (2) and (14) of Dragovic and Gajic, arXiv:0807.2966.
-
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)([1.0, 0.5])
-        array([ 0.078125, -0.625   ])
-        """
-        return super().__call__(omega)
 
     @public
     def energy(self, omega: ArrayLike, /) -> FloatArray:
@@ -145,15 +136,15 @@ class Suslov(BodyOfEquations):
 
         In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 l**2), with
         l = I13 Omega1 + I23 Omega2 + k (Lemma 1 of Dragovic and Gajic, arXiv:0807.2966). In n
-        dimensions F is that of the two coordinates to which :meth:`SuslovND.reduced` takes the
-        body, or the energy over 2 a b where I = 0, with the first two different J.
+        dimensions it is F of the reduced body (:meth:`SuslovND.reduced`). If I = 0, it is the
+        energy divided by 2 a b, where a and b are the first two different J_i.
 
         Parameters
         ----------
         omega : array_like(float, shape=(..., D))
             Angular velocities. NaN gives NaN.
         eps : array_like(float, shape=(...))
-            Step size in time; 0 is the continuous motion.
+            Step size in time; 0 stands for the continuous motion.
 
         Returns
         -------
@@ -181,16 +172,14 @@ class Suslov(BodyOfEquations):
     def criticality(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
         """Return the criticality t, which decides whether an orbit of the map follows the motion.
 
-        Keep ``|t| < 1``: otherwise the orbit can jump across the line of steady states and meet a
-        pole. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is
+        Choose eps so that ``|t| < 1``: otherwise the orbit can jump across the line of steady
+        states and meet a pole. t = eps sqrt(h / (I1 I2)) is constant along an orbit; h is
         I13**2 I2 + I23**2 I1 times the :meth:`first_integral`.
 
         Parameters
         ----------
-        omega : array_like(float, shape=(..., D))
-            Angular velocities. NaN gives NaN.
-        eps : array_like(float, shape=(...))
-            Step size in time.
+        omega, eps
+            As in :meth:`first_integral`.
 
         Returns
         -------
@@ -216,7 +205,7 @@ class Suslov(BodyOfEquations):
         """Return the torque of the constraint, the multiplier lambda that keeps Omega3 at 0.
 
         With x = I13 Omega1 + I23 Omega2, the third equation of motion is
-        ``x' = lambda + (I1 - I2) Omega1 Omega2``, and its discretization is
+        ``x' = lambda + (I1 - I2) Omega1 Omega2``, and the third equation of the map is
         (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
         See equations (2) and (13) of Dragovic and Gajic, arXiv:0807.2966.
 
@@ -225,8 +214,7 @@ class Suslov(BodyOfEquations):
         omega : array_like(float, shape=(..., D))
             Angular velocities. NaN gives NaN.
         eps : array_like(float, shape=(...)), optional
-            With a step size, lambda between each state and the next one; without, that of the
-            continuous motion.
+            With a step size, lambda of the step from each state; without, lambda of the motion.
 
         Returns
         -------
@@ -284,28 +272,27 @@ class Suslov(BodyOfEquations):
     def exact(
         self, omega0: ArrayLike, /, eps: Reals, n: ArrayLike, *, threads: int | None = None
     ) -> FloatArray:
-        """Return any state of an orbit of the map by its closed form, at the same cost for every n.
+        """Return states of an orbit of the map by its closed form, at the same cost for every n.
 
         Parameters
         ----------
         omega0, eps
-            As in :func:`iterate`: numbers of any type, mpmath's too, are rounded to float64.
+            As in :func:`iterate`.
         n : array_like(float, shape=() or (N,))
-            Numbers of the states, positive or negative. If ``t**2 - (e k)**2 < 1``, with the
-            :meth:`criticality` t, ``e = eps / (2 sqrt(I1 I2))`` and the momentum k of a rotor
-            (without one, if ``|t| < 1``), n may be any real number, which gives a curve through the
-            orbit.
+            Numbers of the states, positive or negative. They may be any real numbers, which give a
+            curve through the orbit, if the :meth:`criticality` t has ``|t| < 1``; with a rotor, if
+            ``t**2 - (e k)**2 < 1`` for ``e = eps / (2 sqrt(I1 I2))``.
         threads
             As in :func:`iterate`.
 
         Returns
         -------
         ndarray(float, shape=(..., D) or (N, ..., D))
-            The states. States are NaN, with a `RuntimeWarning`, where the dimensionless X, Y or K
-            exceeds 1e8 (then use :func:`iterate`). If the condition on eps fails, states for
-            ``|n| > 2**53`` and for n that is not an integer are NaN, too. Beyond a pole of the map,
-            where :func:`iterate` stops, the formula continues; only the state directly after the
-            pole is NaN, with a :class:`IntegrationWarning`.
+            The states. They are NaN, with a `RuntimeWarning`, if eps times the angular velocity or
+            k is too large for the formula, about 1e8 (then use :func:`iterate`). If the condition
+            on t fails, they are also NaN for n above 2**53 and for n that is not an integer. The
+            formula continues beyond a pole of the map, where :func:`iterate` stops; the state
+            directly after the pole is NaN, with a :class:`IntegrationWarning`.
 
         Raises
         ------
@@ -341,8 +328,8 @@ class Suslov(BodyOfEquations):
     def limits(self, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray, FloatArray]:
         """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
-        Orbits go from one steady rotation to another (Proposition 2 of Dragovic and Gajic,
-        arXiv:0807.2966); without a rotor that is the opposite one.
+        An orbit goes from one steady rotation to another, without a rotor to the opposite one
+        (Proposition 2 of Dragovic and Gajic, arXiv:0807.2966).
 
         Parameters
         ----------
@@ -352,10 +339,10 @@ class Suslov(BodyOfEquations):
         Returns
         -------
         omega_minus, omega_plus : ndarray(float, shape=(..., D))
-            Angular velocities: points of the line I13 Omega1 + I23 Omega2 = -k, opposite ones
-            without a rotor. Orbits continue beyond poles, and a fixed point is its own limit. NaN
-            for an orbit on a closed curve, which a rotor makes possible, for a state that contains
-            NaN, and for the one state of a body at which the map or its inverse is undefined.
+            Angular velocities on the line I13 Omega1 + I23 Omega2 = -k. Orbits continue beyond
+            poles, and a fixed point is its own limit. NaN for an orbit on a closed curve, which a
+            rotor makes possible, and for the one state of a body at which the map or its inverse is
+            undefined.
 
         Raises
         ------

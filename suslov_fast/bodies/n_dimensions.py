@@ -143,37 +143,34 @@ class SuslovND(Suslov):
         Callable[[ArrayLike], FloatArray],
         Callable[[ArrayLike, ArrayLike], FloatArray],
     ]:
-        """Return the body of fewer dimensions to which a body with equal entries of J reduces.
+        """Return an equivalent body of fewer dimensions, if some of the J_i are equal.
 
-        The components of an eigenvalue a of diag(J), with the part I_E of I, of length l_E, become
-        at most two: u = omega . I_E / l_E with the coupling l_E, unless I_E = 0; and r, the length
-        of the remainder w_E0, with the coupling 0, unless there is none. Both have J = a. Map,
-        motion, energies and steady states of the reduced body are the same.
+        The components with J_i = a become at most two. Let w and I_a be the parts of omega and I
+        in these components. One coordinate is u, the component of w along I_a, with the length of
+        I_a as its coupling; it is absent if I_a = 0. The other one is r, the length of the
+        remainder of w, with the coupling 0; it is absent if u is the only component. Both have
+        J = a. The reduced body has the same map, motion, energies and steady states.
 
         Returns
         -------
         body : SuslovND
-            The body of these coordinates, in the order in which the J_i appear, u before
-            r. If no two J_i are equal it is equal to this one. Equal means equal as floats: J that
-            differ in the last bit are different.
+            The body of these coordinates, in the order in which the J_i appear, u before r. J_i
+            that differ in the last bit are not equal.
         to_reduced : callable
-            ``to_reduced(omega)`` returns the coordinates (..., k) of states (..., n - 1). r is not
-            negative where the remainders w_E0 form a space of two dimensions or more; where they
-            form a line it has the sign that the first component of w_E0 other than 0 has, or its
-            opposite, depending on I.
+            ``to_reduced(omega)`` returns the coordinates (..., k) of states (..., n - 1). r has a
+            sign if the remainders form a line; else it is not negative.
         from_reduced : callable
             ``from_reduced(x, omega)`` returns the states (..., n - 1) with the coordinates x
-            (..., k) and the directions of w_E0 of the states omega, such as the first of an orbit.
-            Where w_E0 = 0 there is no direction: then r must be 0, else the state is NaN.
+            (..., k). Their remainders have the directions of the remainders of omega, for example
+            of the first state of an orbit. A state is NaN if a remainder of omega is 0, and r not.
 
         Notes
         -----
-        The members of a batch reduce each by their own J and I. A member that needs fewer
-        coordinates than another has further ones, with the coupling 0, which are 0 and stay 0.
+        Each member of a batch is reduced by its own J and I. A member that needs fewer coordinates
+        than another has further ones, with the coupling 0, which are 0 and stay 0.
 
-        A state with d_i = J_i - eps p / 2 = 0, p = I . omega, for equal J_i is a pole of the map if
-        E0 has two dimensions or more, or if w_E is parallel to I_E. The reduced body may have a
-        next state there, and the map is continued by it.
+        Some poles of the map, at states with J_i = eps (I . omega) / 2 for equal J_i, are no poles
+        of the reduced body, which continues the map there.
 
         Examples
         --------
@@ -215,22 +212,20 @@ class SuslovND(Suslov):
         Parameters
         ----------
         I : array_like(float, shape=(..., n, n))
-            Second moments of mass about the fixed point, the integrals of x_i x_j dm (positive off
-            the diagonal, too), in any basis fixed in the body and any unit: the matrix of
-            M = I Omega + Omega I. It is positive definite, and symmetric to 1e-12 of its largest
-            entry. For n = 3 it is trace(T) / 2 - T, with the inertia tensor T of
-            :meth:`Suslov3D.from_inertia`.
+            Second moments of mass about the fixed point, the integrals of x_i x_j dm, in any basis
+            fixed in the body and any unit: the matrix of M = I Omega + Omega I. It is positive
+            definite, and symmetric to 1e-12 of its largest entry. For n = 3 it is
+            trace(T) / 2 - T, with the inertia tensor T of :meth:`Suslov3D.from_inertia`.
         a : array_like(float, shape=(..., n)), optional
             The constrained axis, which becomes e_n, of any length but 0; by default e_n itself.
 
         Returns
         -------
         SuslovND
-            The body in its adapted basis. Products of inertia below 2**-50 of the largest moment,
-            or 1e-14 of the largest product, count as rounding errors, and become 0; J that differ
-            by less than 1e-14 of the largest become equal. Its attribute `rotation` (..., n, n) is
-            the rotation matrix that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. The identity if the basis is adapted already.
+            The body in its adapted basis, with the attribute `rotation` (..., n, n) of
+            :meth:`Suslov3D.from_inertia`. Rounding errors are removed: products of inertia below
+            2**-50 of the largest moment, or 1e-14 of the largest product, become 0, and J_i that
+            differ by less than 1e-14 of the largest become equal.
 
         Raises
         ------

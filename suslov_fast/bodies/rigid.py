@@ -195,10 +195,9 @@ class Suslov3D(Suslov):
         -------
         Suslov3D
             The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
-            count as rounding errors, and become 0. Its attribute `rotation` (..., 3, 3) is the
-            rotation matrix that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. The state of the body with angular velocity
-            omega is ``(rotation @ omega)[:2]``. The identity if the basis is adapted already.
+            are rounding errors, and become 0. The attribute `rotation` (..., 3, 3) is the matrix
+            that rotates components to the adapted basis: ``I_adapted = rotation @ I @ rotation.T``.
+            The state for the angular velocity omega is ``(rotation @ omega)[:2]``.
 
         Raises
         ------
@@ -224,18 +223,16 @@ class Suslov3D(Suslov):
     def rotation_number(self, omega: ArrayLike, /, eps: Reals) -> FloatArray:
         """Return the rotation number of an orbit: the mean number of turns per step of the map.
 
-        With e = eps / (2 sqrt(I1 I2)) and the :meth:`criticality` e A, it is
-        sign(k) arctan(e sqrt(k**2 - A**2)) / pi, and 0 where orbits go from one steady state to
-        another. The angle counted is the argument of z / (1 - i e l), with
+        It is 0 for orbits from one steady state to another, else
+        sign(k eps) arctan(sqrt((e k)**2 - t**2)) / pi, with e = eps / (2 sqrt(I1 I2)) and the
+        :meth:`criticality` t. The angle is the argument of z / (1 - i e l), with
         z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 and l = I13 Omega1 + I23 Omega2 + k; if
-        abs(e) A < 1, Omega makes as many turns.
+        ``|t| < 1``, Omega makes as many turns.
 
         Parameters
         ----------
-        omega : array_like(float, shape=(..., 2))
-            Angular velocities. NaN gives NaN.
-        eps : array_like(float, shape=(...))
-            Step size in time.
+        omega, eps
+            As in :meth:`first_integral`.
 
         Returns
         -------
@@ -301,9 +298,9 @@ class Suslov3D(Suslov):
         Returns
         -------
         ClosedForm
-            Named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps;
-            k2, dimensionless; and t, the :meth:`criticality`. k1 and k2 are NaN where t is not
-            between -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
+            A named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps; k2,
+            dimensionless; and t, the :meth:`criticality`. k1 and k2 are NaN unless ``|t| < 1``. k2
+            is infinite on the line x = 0, and 0 at rest.
 
         Raises
         ------

@@ -36,17 +36,13 @@ class Map(Traced):
     f : callable
         Takes the state x, an array of D variables, and parameters by name, and returns the D
         components of the next state. f is called with symbols, twice, with equal results.
-    names : str, sequence of str or int
-        The names of the variables, ``"x y"``, or their number, for x1, ..., xD.
-    **parameters : float or array_like(float, shape=(...))
-        Values of the named parameters of f. Arrays broadcast, and make a family of maps.
+    names, **parameters
+        As for a :class:`Field`.
 
     Attributes
     ----------
-    dimension, names : int, tuple of str
-        The number of variables, D, and their names. ``==`` ignores the names.
-    parameters : dict
-        Named parameters, which are coordinates of datasets. ``==`` ignores their names.
+    dimension, names, parameters
+        As for a :class:`Field`.
 
     Raises
     ------

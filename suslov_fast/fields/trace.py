@@ -12,17 +12,9 @@ import numpy as np
 from ..checks import OF_SYMBOLS, arguments_of, either, short, signature_of, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import STEPS, answer
+from . import symbolic
 from .names import TIME, of_time
-from .symbolic import (
-    TABLES,
-    Symbol,
-    Symbols,
-    Tracer,
-    Untraceable,
-    applied,
-    called_with_symbols,
-    interpolated,
-)
+from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable
 
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
@@ -107,7 +99,7 @@ def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any])
     """Return the value of f at symbols; raise TypeError or ValueError if f does not accept them."""
     try:
         plain = getattr(f, "py_func", f)  # if Numba compiled f
-        return called_with_symbols(plain, state.copy(), **parameters)
+        return symbolic.called_with_symbols(plain, state.copy(), **parameters)
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
         text = " ".join(str(error).split()).replace("'Symbols' object", "the state of symbols")
         text = text.replace("'Symbol' object", "a symbol")
@@ -187,7 +179,7 @@ def operands_of_function(
 def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
     """Return the value of a function in the text of an equation."""
     if name == "interp":
-        return interpolated(*arguments)
+        return symbolic.interpolated(*arguments)
     function = OTHER_NAMES.get(name, name)
     record = FUNCTIONS.get(function)
     if record is None or record.sign or len(arguments) != record.operands:
@@ -195,5 +187,5 @@ def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
     if any(isinstance(a, tuple) for a in arguments):
         raise ValueError(f"equations: {name} takes numbers")
     with np.errstate(all="ignore"):
-        value = applied(function, *arguments)
+        value = symbolic.applied(function, *arguments)
     return value if isinstance(value, (Symbol, np.ndarray)) else float(value)

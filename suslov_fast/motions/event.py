@@ -12,29 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import (
-    arguments_of,
-    either,
-    float_array,
-    instance,
-    integer,
-    kind_of,
-    short,
-    wrong,
-)
+from .. import checks
+from ..checks import either, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.event_formulas import EventAction, KeyedProgram, read_by
+from ..fields import trace
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
 from ..fields.names import TIME
 from ..fields.symbolic import Tracer
-from ..fields.trace import (
-    called_by_name,
-    check_function,
-    operands_of_function,
-    taken,
-    taking,
-)
 from ..keywords import public, public_class
 from ..results.result import read_only
 
@@ -148,20 +134,20 @@ class Event:
         if not isinstance(self.terminal, (bool, np.bool_)):
             raise wrong("terminal", "True or False", short(self.terminal), TypeError)
         if (most := self.most) is not None:
-            most = integer("most", most, 1, "None or an integer of at least 1")
+            most = checks.integer("most", most, 1, "None or an integer of at least 1")
         if self.terminal and most is not None:
             how = "left out beside terminal=True, at the first: most=3 alone ends at the third"
             raise wrong("most", how)
         vars(self).update(to=to, direction=direction, most=most, terminal=bool(self.terminal))
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
-            times = float_array("times", self.times)
+            times = checks.float_array("times", self.times)
             vars(self)["times"] = read_only(np.array(times, ndmin=1))
 
     @public
     def of(self, system: Any) -> Event:
         """Return this event with equations as text in the names of a system, so that it pickles."""
-        instance("system", system, Body)
+        checks.instance("system", system, Body)
         of_system = traced(self, system._field)
         return self if self._is_text else of_system.text
 
@@ -179,7 +165,7 @@ class Event:
     @public
     def from_dict(cls, description: Mapping[str, Any]) -> Event:
         """Return the event that :meth:`to_dict` described, also after its way through JSON."""
-        instance("description", description, Mapping)
+        checks.instance("description", description, Mapping)
         entries = dict(description)
         definitions = entries.pop("definitions", {})
         if (times := entries.get("times")) is not None:
@@ -284,7 +270,7 @@ def _shown(function: Any) -> str:
 def checked_direction(value: Any) -> int:
     """Return 1, -1 or 0 for the direction of an event or a crossing."""
     number = _DIRECTIONS.get(value, value) if isinstance(value, str) else value
-    return integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
+    return checks.integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
 
 
 def _check_surface(surface: Any) -> None:
@@ -298,7 +284,7 @@ def _check_surface(surface: Any) -> None:
         is_number = isinstance(surface, (int, float))
         what = f": pass lambda x: x[k] - {surface}, for component k" * is_number
         what += ": times are times=[1, 2]" * isinstance(surface, (list, tuple, np.ndarray))
-        raise wrong("surface", _ON_SURFACE, f"{kind_of(surface)}{what}", TypeError)
+        raise wrong("surface", _ON_SURFACE, f"{checks.kind_of(surface)}{what}", TypeError)
 
 
 class TracedEvent:
@@ -339,7 +325,7 @@ class TracedEvent:
         """Return the results of f, a function or texts, as operands; messages name `argument`."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
-        needed, known = arguments_of(f), taken(f, self.tracer.parameters)
+        needed, known = checks.arguments_of(f), trace.taken(f, self.tracer.parameters)
         others = [name for name in needed[1:] if name not in known]
         if others and not TIME & {*needed}:
             expected = "a function of the state, and of parameters of the system by name"
@@ -347,9 +333,9 @@ class TracedEvent:
             raise wrong(
                 argument, expected, f"one of {others[0]!r}: the system has {has}", TypeError
             )
-        check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
-        given = argument, taking(f, known), self.names, self.tracer.parameters
-        return operands_of_function(*given, self.tracer)[1]
+        trace.check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
+        given = argument, trace.taking(f, known), self.names, self.tracer.parameters
+        return trace.operands_of_function(*given, self.tracer)[1]
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
         """Return formulas, given as texts, as operands; messages name `argument`."""
@@ -357,7 +343,7 @@ class TracedEvent:
         known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
         each = [*self.event._definitions.items(), *enumerate(texts)]
         try:
-            values = values_of(each, known, called_by_name)
+            values = values_of(each, known, trace.called_by_name)
             return [tracer.result(values[k]) for k in range(len(texts))]
         except (TypeError, ValueError) as error:
             names = either(tracer.names)

@@ -21,17 +21,10 @@ from ..maps.kernel_calls import thread_count
 from ..maps.map_records import Method, eps_and_steps, map_of
 from ..maps.problem import Problem, check
 from ..status import Status, report_poles
+from . import motion_arguments
 from .event import Event
 from .events import actions_of, batch_of, checked_events, event_times_of
 from .integration import threads_for
-from .motion_arguments import (
-    CAUSES,
-    RTOL,
-    checked_settings,
-    checked_starts,
-    either_map_or_motion,
-    warn_of_ends,
-)
 from .tangents import exponents_of
 
 _SLIDING = {
@@ -52,7 +45,7 @@ def lyapunov_exponents(
     transient: float = 0,
     *,
     time: float | None = None,
-    rtol: float = RTOL,
+    rtol: float = motion_arguments.RTOL,
     events: Event | Sequence[Event] | None = (),
     method: Method = "auto",
     threads: int | None = None,
@@ -131,26 +124,26 @@ def lyapunov_exponents(
     if isinstance(body, Map):
         eps, steps = eps_and_steps("lyapunov_exponents", body, eps, steps)
     others = {"method": method, "rtol": rtol, "events": events}
-    if not either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
+    if not motion_arguments.either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
         checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
         return _of_map(checked, integer("steps", steps, 1), transient, progress)
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))
-    settings = checked_settings(body, rtol)
+    settings = motion_arguments.checked_settings(body, rtol)
     acting = checked_events(events)
     if any(each.terminal or each.most is not None for each in acting):
         received = "terminal or most, with which a trajectory ends"
         raise wrong("events", "those with which trajectories go on", received)
     acting = tuple(each for each in acting if each.to is not None)
-    x, batch = checked_starts(body, x0, batch_of(acting))
+    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
     actions = actions_of(body._field, acting)
     event_times = event_times_of(acting, 1, batch) if actions else None
     count = threads_for(len(x), thread_count(threads))
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
-    warn_of_ends(ends, x, batch, causes=CAUSES | _SLIDING)
+    motion_arguments.warn_of_ends(ends, x, batch, causes=motion_arguments.CAUSES | _SLIDING)
     return exponents.reshape(*batch, exponents.shape[1])
 
 

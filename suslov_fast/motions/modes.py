@@ -42,7 +42,7 @@ def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: in
 class Sliding:
     """Trajectories `where` (K,) of a batch of solutions, to be computed again with modes.
 
-    field, starts, request   for these trajectories with modes; not set if there are no modes
+    field, starts, request   of these trajectories, with modes; not set if there are no modes
     contacts                 {number of an event in the order of code: component that is its mode}
     """
 
@@ -51,8 +51,7 @@ class Sliding:
     ) -> None:
         self.x, self.where, self.system = x, where, field
         self.modes: Any = None
-        self.held: tuple[EventAction, ...] = ()
-        self.has_records = request.event_times is not None
+        self.contacts: dict[int, int] = {}
         actions = self.given = actions_of(field, events)
         self.events = [events[k] for k in in_order_of_code(events)]
         with_modes = field._equations and _with_modes(field._equations, actions, request.sign)
@@ -61,7 +60,6 @@ class Sliding:
         equations, self.modes = with_modes
         self.actions, self.surfaces = self.modes.actions, self.modes.surfaces_of_events
         self.count, size, self.contacts = self.modes.count, self.modes.size, self.modes.contacts
-        self.held = tuple(actions[k] for k in self.contacts)
         parts = dict(field.parameters)
         if field.shape:
             parts = {n: np.broadcast_to(a, batch).ravel()[where] for n, a in field._arrays.items()}
@@ -84,14 +82,15 @@ class Sliding:
         self.request = request._replace(event_times=times, settings=settings, report=None)
 
     def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
-        """Return the result of all trajectories, with these computed again, and their phases.
+        """Return the result of all trajectories, of which `where` are computed again, and phases.
 
-        `names` say with respect to what solutions are differentiated; `at_rest` is a result of
-        `starts_at_rest`. Phases are a dictionary of attributes of the motion.
+        Solutions are differentiated with respect to `names`. `at_rest` is from `starts_at_rest`.
+        Phases are attributes of the `Motion` by name.
         """
         where, D = self.where, self.x.shape[1]
         which, event = at_rest
-        if which is not None and traced(event, self.system).action not in self.held:
+        held = [self.given[k] for k in self.contacts]
+        if which is not None and traced(event, self.system).action not in held:
             warn(
                 f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
                 "trajectories, and leaves it without an event, because a start is none: begin on "
@@ -121,16 +120,12 @@ class Sliding:
         numbers = rows[:, 0].astype(np.int64)
         rows[:, 0] = where[numbers]
         rows = rows[~(abs(rows[:, 2]) > abs(ends.t[numbers]))]
-        if not self.has_records:
-            part = part._replace(records=None)
         phases = {"_phases": read_only(rows), "_surfaces": self.texts()}
-        return result.again(where, part), phases
+        # Without events of the user, the result has no records.
+        return result.again(where, part._replace(records=result.records and part.records)), phases
 
     def stopped(self, part: Any) -> Any:
-        """Return a result in which contacts end solutions at their hit number `most`.
-
-        States and derivatives after this hit become NaN.
-        """
+        """Return a result that ends where a contact was hit `most` times; later states are NaN."""
         records, times = part.records, abs(self.request.times)
         for k in self.contacts:
             most = self.given[k].most
@@ -160,7 +155,7 @@ class Sliding:
     def records(self, records: Any, columns: Any = None) -> Any:
         """Return records of the user's events, with their numbers, and without modes in states.
 
-        `columns` are numbers of the derivatives that stay.
+        Derivatives keep the directions with the numbers `columns`.
         """
         which = records.which
         kept = (which < self.surfaces) | (which > self.surfaces + self.count)

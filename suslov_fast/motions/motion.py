@@ -152,10 +152,8 @@ class Motion(States):
         return html_table(self, ["trajectory", "status", "end", *self.names], rows)
 
     def __repr__(self) -> str:
-        time = self.time
-        times = (
-            f"{time[0]:g} to {time[-1]:g}" if len(time) > 1 else " ".join(f"{t:g}" for t in time)
-        )
+        first_and_last = self.time[:: max(len(self.time) - 1, 1)]
+        times = " to ".join(f"{t:g}" for t in first_and_last)
         states = f"states: {self.states.shape}"
         ended = ended_in_words(self.status)
         if count := np.count_nonzero(self._again):

@@ -92,26 +92,22 @@ def checked_settings(system: Any, *given: Any) -> Settings:
 
 @functools.lru_cache(64)
 def _settings(values: tuple[Any, ...], D: int) -> Settings:
-    given = Settings(*values)
-    rtol = checks.real_number("rtol", given.rtol)
+    settings = Settings(*values)
+    rtol, atol, stiff = checks.real_number("rtol", settings.rtol), settings.atol, settings.stiff
     if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
-        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(given.rtol))
-    settings = given._replace(rtol=rtol)
-    if given.atol is not None:
-        atol: Any = checks.real_number("atol", given.atol)
+        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(settings.rtol))
+    if atol is not None:
+        atol = checks.real_number("atol", atol)
         if not isinstance(atol, float) and atol.shape != (D,):
             raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
         if np.min(atol) < 0.0:
             raise wrong("atol", "0 or more", short(float(np.min(atol))))
         atol = atol if isinstance(atol, float) else tuple(atol.tolist())
-        settings = settings._replace(atol=atol)
-    if given.max_step is not None:
-        settings = settings._replace(max_step=checks.positive("max_step", given.max_step))
-    if given.stiff is not None:
-        if not isinstance(given.stiff, (bool, np.bool_)):
-            raise wrong("stiff", "True, False or None", short(given.stiff), TypeError)
-        settings = settings._replace(stiff=bool(given.stiff))
-    return settings
+    if settings.max_step is not None:
+        settings = settings._replace(max_step=checks.positive("max_step", settings.max_step))
+    if stiff is not None and not isinstance(stiff, (bool, np.bool_)):
+        raise wrong("stiff", "True, False or None", short(stiff), TypeError)
+    return settings._replace(rtol=rtol, atol=atol, stiff=None if stiff is None else bool(stiff))
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
@@ -119,15 +115,12 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
     if type(derivatives) is tuple and not derivatives:  # as in most calls
         return ()
     names = derivatives.split() if isinstance(derivatives, str) else derivatives
+    known = "x0", *system._field._coordinates
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        such = "x0", *system._coordinates
-        received = short(derivatives)
-        raise wrong("derivatives", f"names, such as {such}", received, TypeError)
-    field: Any = system._field
-    if unknown := [name for name in names if name not in ("x0", *field._coordinates)]:
-        known = ", ".join(map(repr, ("x0", *field._coordinates)))
-        raise wrong("derivatives", f"names of {known}", f"{unknown[0]!r}")
-    if "x0" in names and "x0" in field._coordinates:
+        raise wrong("derivatives", f"names, such as {known}", short(derivatives), TypeError)
+    if unknown := [name for name in names if name not in known]:
+        raise wrong("derivatives", f"names of {known}", repr(unknown[0]))
+    if "x0" in names and "x0" in known[1:]:
         how = "the initial state and a parameter: give the parameter another name"
         raise wrong("derivatives", "names of one thing each", f"'x0', {how}")
     if len({*names}) < len(names):

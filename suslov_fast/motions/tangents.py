@@ -26,13 +26,8 @@ from ..checks import FloatArray
 from ..core.expressions.event_formulas import EventAction, components_of
 from ..core.expressions.orthonormal_frame import SHIFT, with_frame
 from ..core.expressions.variational import variational
-from ..core.flow.batch_solver import (
-    BatchSolver,
-    EventTimes,
-    SolverRequest,
-    closer,
-    counted_from_start,
-)
+from ..core.flow import batch_solver
+from ..core.flow.batch_solver import BatchSolver, EventTimes, SolverRequest
 from ..core.flow.growing_components import RELATIVE
 from ..core.flow.memory import LaneState
 from ..fields.right_hand_sides import with_events
@@ -179,9 +174,8 @@ class _Run:
         """
         (which,) = np.nonzero(self.again)
         times = self.event_times and self.event_times.of(which)
-        request = SolverRequest(
-            np.array([time]), 1, closer(self.settings), self.threads, None, times
-        )
+        settings = batch_solver.closer(self.settings)
+        request = SolverRequest(np.array([time]), 1, settings, self.threads, event_times=times)
         run = _Run(self.f, self._table(which), x[which], self.moving, request)
         run.is_first, run.acts = False, self.is_first
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
@@ -279,7 +273,8 @@ class _Run:
         """
         D, n, K = self.f.D, self.n, len(which)
         frame = with_frame(self.f, tuple(self.moving.tolist()))
-        table, x, starts = counted_from_start(self.f, self._table(which), self.x[which])
+        table = self._table(which)
+        table, x, starts = batch_solver.counted_from_start(self.f, table, self.x[which])
         start = np.zeros((K, frame.D))
         start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
         table = np.ascontiguousarray(frame.table_of(table.T).T)

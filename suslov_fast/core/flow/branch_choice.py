@@ -36,12 +36,11 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 @scalar_kernel
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
-    """Return `chosen_at`, `chosen_often` and `state` of a lane, after a change of branches at t.
+    """Return `chosen_at`, `chosen_often` and `state` of a lane after a change of branches at t.
 
-    `chosen_at` is the time of the last change at which no event `acted` (0). `chosen_often` counts
-    consecutive changes. Each is within AT_ONCE * max(t, `wanted`, EARLY * `last`) of the change
-    before, where `wanted` is the requested time and `last` the last one. An event sets it to 0.
-    When it reaches BACK_AND_FORTH, a lane that is in the state `mode` becomes SLIDING.
+    A lane becomes SLIDING after BACK_AND_FORTH changes in a row, each at once after the last one:
+    within AT_ONCE of the time t or of the next length. Where an event `acted`, the count begins
+    again.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
@@ -56,19 +55,11 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
 
 
 @scalar_kernel
-def LOOK_AHEAD(t, last, part, sign):
-    """Return a time `ahead` = part * t, or part * last at t = 0; and `signed` = sign * ahead."""
-    ahead = part * (t > 0.0).select(t, last)
-    return {"ahead": ahead, "signed": sign * ahead}
-
-
-@scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
     """Return the rows of a trajectory that continues at the time t + ahead, beyond a surface.
 
-    The new time does not pass `stop`, the next given time of an event. `signed` is the difference
-    to t, with `sign`. `state` is SLIDING after BACK_AND_FORTH consecutive changes, each within
-    AGAIN * t of the change before. At the time `last` it is DONE, and otherwise `first_state`.
+    The time does not pass `stop`, the next given time of an event; `signed` is its difference to t.
+    As in `CHOSEN`, too many changes of branches in a row are SLIDING.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
@@ -88,23 +79,17 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
 
 @scalar_kernel
 def TRACE(before, after, jumps, u):
-    """Return `change`, the jump of the integral of u trace f' where f `jumps` at a surface s = 0.
-
-    It is u log|after / before|, with grad s . f on both sides of the surface; 0 if `jumps` is 0.
-    """
+    """Return the jump u log|after / before| of the integral of u trace f' where f jumps, else 0."""
     of_jump = u * (abs(after / before)).then("log")
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
 def add_branches(text, integrator, name, for_each):
-    """Add the function void choose(arguments), which chooses branches at the state `new`.
-
-    Only lanes where the row `chooses` is 1 get new branches. See `StepCode` for the arguments.
-    """
+    """Add the function void choose(arguments): branches at the state `new`, in lanes `chooses`."""
     with text.function(f"{name}_choose", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
         work, branches, f = code.work, integrator.f.branches, integrator.f.of
-        _look(code, work.new)
+        code.call("branches", work.new, code.table, work.chosen)
         truth = work.chooses[0] > 0.0
         _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
         derived = f.derived.results  # numbers of the table that depend on branches
@@ -118,7 +103,7 @@ def add_branches(text, integrator, name, for_each):
 def update_branches(code, truth, by_motion=False):
     """Choose all branches of f at the new state, in lanes where `truth` is true.
 
-    A solution exactly on a surface counts as beyond it only if a step led there (`by_motion`).
+    A solution exactly on a surface is beyond the surface only if a step led there (`by_motion`).
     """
     branches = code.f.branches
     if branches.joins and not by_motion:
@@ -140,10 +125,7 @@ def choose(code):
 
 
 def renew(code):
-    """Choose new branches where f has jumped, and where solutions have ended just before a surface.
-
-    Beyond such a surface f has a value only with the new branches, and solutions continue.
-    """
+    """Choose new branches where f has jumped, and where solutions end just before a surface."""
     text, line, work = code.text, code.line, code.work
     if code.f.branches.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
@@ -156,35 +138,36 @@ def renew(code):
         _go_on(code, ended)
 
 
-def _look(code, x):
-    """Write to the rows `chosen` whether branches change at the state x, and the branches there."""
-    code.call("branches", x, code.table, code.work.chosen)
-
-
 def _jump(code, jumped):
     """Choose branches in lanes where f has `jumped`; seek a surface that is just ahead."""
-    line, work = code.line, code.work
-    acted = code.text.value(0.0)
+    line, acted = code.line, code.text.value(0.0)
     if code.integrator.events:
         acted = line.t[0].equals(line.at[0]).select(1.0, 0.0)
     _choose(code, jumped, acted)
     code.keep(line, code.apply(CHOSEN, mode=code.mode, acted=acted), jumped)
-    ahead = code.apply(LOOK_AHEAD, part=AHEAD)
-    _put_ahead(code, work.new, work.f_new, ahead["signed"])
-    _look(code, work.start)
-    back = jumped & (work.chosen[0] >= 0.0)
+    ahead = _look_ahead(code, AHEAD)
+    back = jumped & (code.work.chosen[0] >= 0.0)
     with code.text.when(back.any(), likely=False):
         for i in code.text.each(code.integrator.watched):
-            line.beyond.choose(back, i, work.start[i])
+            line.beyond.choose(back, i, code.work.start[i])
         # This starts a search for a surface within the time `ahead`, see `event_location`.
-        search = {"whole": line.wanted[0], "wanted": ahead["ahead"], "outer": ahead["ahead"]}
+        search = {"whole": line.wanted[0], "wanted": ahead, "outer": ahead}
         code.keep(line, search | {"inner": 0.0, "weight": 0.0, "rounds": 0.0}, back)
 
 
-def _put_ahead(code, x, f, signed):
-    """Write x + signed f, about the state a time `signed` later, to the row `start`; f is f(x)."""
+def _put_ahead(code, signed):
+    """Write x + signed f(x), about the state a time `signed` after the step, to the row `start`."""
     for i in code.text.each(code.D):
-        code.work.start[i] = x[i] + signed * f[i]
+        code.work.start[i] = code.work.new[i] + signed * code.work.f_new[i]
+
+
+def _look_ahead(code, part):
+    """Find branches (`chosen`) a little after the step; return this time, the `part` of t."""
+    t = code.line.t[0]
+    ahead = part * (t > 0.0).select(t, code.number("last"))
+    _put_ahead(code, code.number("sign") * ahead)
+    code.call("branches", code.work.start, code.table, code.work.chosen)
+    return ahead
 
 
 def _choose(code, truth, acted):
@@ -246,34 +229,30 @@ def _change_columns(code, truth):
 def _go_on(code, ended):
     """Continue solutions that end just before a surface, in lanes `ended`, at states beyond it."""
     text, line, work = code.text, code.line, code.work
-    accepted, none = work.accepted[0] > 0.0, text.value(0.0)
+    accepted = work.accepted[0] > 0.0
     for i in text.each(code.D):
         work.new.choose(ended, i, accepted.select(work.new[i], line.x[i]))
     for i in text.each(code.extended):
         work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f[i]))
-    found = {"ahead": none, "signed": none}
+    none = ahead = text.value(0.0)
     for part in (NEAREST, 8.0 * NEAREST, AHEAD):
-        own = code.apply(LOOK_AHEAD, part=part)
-        _put_ahead(code, work.new, work.f_new, own["signed"])
-        _look(code, work.start)
-        is_first = found["ahead"].equals(0.0) & (work.chosen[1] > 0.0)
-        found = {name: is_first.select(own[name], a) for name, a in found.items()}
-    goes_on = ended & (found["ahead"] > 0.0)
+        own = _look_ahead(code, part)
+        ahead = (ahead.equals(0.0) & (work.chosen[1] > 0.0)).select(own, ahead)
+    goes_on = ended & (ahead > 0.0)
     t, stop = line.t[0], line.stop[0] if code.integrator.events else text.value(inf)
-    after = code.apply(GOES_ON, ahead=found["ahead"], stop=stop)
+    after = code.apply(GOES_ON, ahead=ahead, stop=stop)
     is_saved, signed_after = goes_on & (after.pop("slides") < 1.0), after.pop("signed")
 
     def passed():
-        return is_saved & (line.next[0] <= t + found["ahead"]) & (line.next[0] < stop)
+        return is_saved & (line.next[0] <= t + ahead) & (line.next[0] < stop)
 
     with text.when(passed().any(), likely=False):
         for now in text.rounds(Carried()):
-            signed = code.number("sign") * (line.next[0] - t)
-            _put_ahead(code, work.new, work.f_new, signed)
+            _put_ahead(code, code.number("sign") * (line.next[0] - t))
             dense_output.save(code, passed().bits(), work.start)
             now.goes_on = passed().any()
     code.keep(line, after, goes_on)
-    _put_ahead(code, work.new, work.f_new, signed_after)
+    _put_ahead(code, signed_after)
     for i in text.each(code.D):
         work.new.choose(goes_on, i, work.start[i])
     work.accepted.choose(goes_on, 0, 1.0)
@@ -281,10 +260,10 @@ def _go_on(code, ended):
 
 
 def _put_choices(code, truth, kinds, rows, place):
-    """Write branches of surfaces to f's table from `place` on, in lanes where `truth` is true.
+    """Write the branches in `rows`, of surfaces of these `kinds`, to f's table from `place` on.
 
-    `kinds` are comparisons, "floor" and `Table`s, and `rows` are their branches. A row of a `Table`
-    is an argument of it; the interval that contains the argument goes to f's table.
+    A comparison or "floor" has its branch in a row. A `Table` has its argument there, and four
+    numbers in f's table: the interval that contains the argument.
     """
     text, f, branches = code.text, code.f.of, code.f.of.branches
     first = len(branches.kinds) - len(kinds)
@@ -304,10 +283,10 @@ def _put_choices(code, truth, kinds, rows, place):
 
 
 def _put_interval(code, table, bits, argument, place, shift):
-    """Write to f's table the interval of a `Table` that holds argument + shift, minus the shift.
+    """Write to f's table, from `place` on, the interval of a `Table` that holds a lane's argument.
 
-    `argument` is a row, and `shift` the place of the shift in f's table, or None. The interval goes
-    to `place` and the three places after it, in lanes with bit 1 in `bits`.
+    The argument is a row plus a `shift` (its place in f's table, or None); the interval is moved
+    back by this shift. Lanes with bit 1 in `bits` choose.
     """
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)

@@ -13,8 +13,9 @@ from .memory import LaneState
 class FunctionCode:
     """A function of an `Integrator` in the text `text`: the base of classes that add functions.
 
-    The argument `work` is the address of the workspace; `self.work` has an array for each part.
-    Names of functions begin with `name`. If `for_each` is True, each lane has its own table.
+    Names of functions begin with `name`. Each lane has its own table of f if `for_each` is True.
+    The attribute `work` has an array for each part of the workspace, which is at the address
+    `work`.
     """
 
     def __init__(self, text, integrator, name, for_each, work="%work"):
@@ -77,8 +78,8 @@ class StepCode(FunctionCode):
     def apply(self, kernel, i=0, **inputs):
         """Apply a scalar kernel to component i; return {name: result}.
 
-        Inputs that are not in `inputs` are found by name in `SharedNumbers`, in `ComponentNumbers`,
-        and in the rows of `line` or `work`.
+        Inputs that are not in `inputs` are found by name: numbers of all lanes, numbers of the
+        component, and rows of `line` or `work`.
         """
         for name in [name for name in kernel.inputs if name not in inputs]:
             if name in SharedNumbers._fields:
@@ -91,10 +92,9 @@ class StepCode(FunctionCode):
         return self.text.apply(kernel, **inputs)
 
     def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
-        """Apply a kernel to component 0, 1, ... in turn; return its last results as a `Carried`.
+        """Apply a kernel to components 0, 1, ... in turn; return its last results as a `Carried`.
 
-        At component i the kernel reads the dict inputs(i) and its results at component i - 1. At
-        component 0 these are `start`. There are `count` components, by default D.
+        The kernel reads inputs(i) and its results at the component before, at first `start`.
         """
         found = Carried(**start)
         for i in self.text.each(self.D if count is None else count, found):
@@ -114,9 +114,9 @@ class StepCode(FunctionCode):
         return (last < stop).select(last, stop)
 
     def keep_largest(self, truth, i, x):
-        """Set row `largest` of component i to max(largest, |x|), in lanes where `truth` is true.
+        """Raise the row `largest` of component i to |x|, in lanes where `truth` is true.
 
-        If steps have relative digits of component i (`growing_components`), the row becomes |x|.
+        If steps have relative digits of the component (`growing_components`), the row becomes |x|.
         """
         modulus, largest = abs(x), self.line.largest[i]
         is_new = modulus > largest
@@ -132,9 +132,9 @@ class StepCode(FunctionCode):
                 yield lane * 8
 
     def put_clocks(self, one, offset, time, to):
-        """Write clocks, which count from 0, into the state at `to`: their rates times `time`.
+        """Write clocks, their rates times `time`, into the state of the lane `one` at `to`.
 
-        A sum over steps would add up rounding. `one` is the code of one lane, at byte `offset`.
+        A sum over steps would add up rounding.
         """
         rates = one.array(self.line.f.at() + offset)
         sign = Shared(one, self.of.numbers)[NUMBER.sign]

@@ -56,11 +56,7 @@ def WITH_SIGN(value, x, keeps):
 
 
 def add_between(text, integrator, name, for_each):
-    """Add the function void between(arguments), which saves states at times within a step.
-
-    It is a separate function, because LLVM's time grows faster than the length of a function. See
-    `StepCode` for the arguments.
-    """
+    """Add the function void between(arguments), which saves states at times within a step."""
     with text.function(f"{name}_between", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
         _find_nodes(code)
@@ -96,7 +92,8 @@ def save_at_end(code):
 def _passed(code, how):
     """Return which accepted steps end past the next requested time; `how` compares: >, >= or =.
 
-    An action of an event at the end of a step comes before a state that is saved at that time.
+    At a surface a time NEARLY at the end is not passed: actions of events there come before its
+    state.
     """
     end = code.line.t[0]
     if code.integrator.events:

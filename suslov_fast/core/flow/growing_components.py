@@ -63,8 +63,8 @@ def many_of(rtol):
 def some_of(rtol, keeps):
     """Return the least relative error in an explicit step with which a component loses digits.
 
-    If the component keeps its sign (`keeps` is 1), it is rtol at rtol = 1e-6, and 100 rtol at 1e-9.
-    Otherwise it is 1 / OF_IMPLICIT times as large. Implicit steps use OF_IMPLICIT times the result.
+    It is rtol at rtol = 1e-6 and 100 rtol at 1e-9 if the component keeps its sign (`keeps` is 1),
+    and 1 / OF_IMPLICIT times as large if not. Implicit steps use OF_IMPLICIT times the result.
     """
     return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
 
@@ -90,7 +90,7 @@ def ALERTS(x, new, error, some, lost, alerts):
 
 @scalar_kernel
 def ALERTS_IMPLICIT(x, new, f_new, signed, error, some, lost, alerts):
-    """Return `alerts` = 1 if a component may lose digits, or is about to grow without digits.
+    """Set `alerts` to 1 if a component may lose digits, or is about to grow without digits.
 
     In the second case the next step may be too long for the growth.
     """
@@ -100,19 +100,14 @@ def ALERTS_IMPLICIT(x, new, f_new, signed, error, some, lost, alerts):
 
 
 @scalar_kernel
-def CONCERNS(x, new, error, some, lost):
-    """Return whether a component has lost digits, or may lose some in this step."""
-    return {"concerns": (lost > 0.0) | _loses(x, new, error, some, lost)}
-
-
-@scalar_kernel
 def LOST(
     x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, implicit,
     lost, watches, near,
 ):  # fmt: skip
-    """Return `watches`, the largest `lost`; `near`, 1 if there may be an alarm; and `lost`.
+    """Return the new `lost` of a component, `near` = 1 if it may raise an alarm, and max `lost`.
 
-    If a component keeps its sign (`keeps` is 1), `lost` above DEEP and 100 rtol becomes 1.
+    `lost` increases by relative errors, and by what explicit steps miss of a fast growth. If the
+    component keeps its sign, `lost` above DEEP and 100 rtol becomes 1: no digit is right.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
     is_small = both * inverse * rtol < SMALL
@@ -134,17 +129,11 @@ def LOST(
 
 
 @scalar_kernel
-def KNOWN(new, lost):
-    """Return `known`, the component `new`, or 0 if it has lost digits."""
-    return {"known": (lost > 0.0).select(0.0, new)}
-
-
-@scalar_kernel
 def FED(new, f_new, fed, signed, lost, changes, left):
-    """Return the next `lost` of a component: 0 if components that have their digits feed it.
+    """Set `lost` of a component to 0, and `changes` to 1, if components with digits feed it.
 
-    Then `changes` becomes 1. `fed` is the rate of the component, computed with 0 in place of all
-    components that have lost digits. `left` becomes the largest `lost` that remains.
+    `fed` is the rate of the component with 0 in place of all components without digits. `left`
+    becomes the largest `lost` that remains.
     """
     own = f_new - fed
     stays = (new < 0.0).select(-own, own) * signed > NEXT * abs(new)
@@ -156,7 +145,7 @@ def FED(new, f_new, fed, signed, lost, changes, left):
 
 @scalar_kernel
 def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
-    """Return `lost` and `watches`, the largest `lost`; for an alarm they are RELATIVE and infinity.
+    """Return `lost` and its maximum `watches`; for an alarm these are RELATIVE and infinity.
 
     For components below their allowed errors, `grows` is 1 if one of them grows by more than
     exp(LONG) in this step, and `below` is their largest `lost`. `fed` is as in `FED`.
@@ -176,10 +165,10 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
 
 @scalar_kernel
 def GROWS(value, f, fed, signed, least, part, grow, fall):
-    """Return `value` if a component of a group grows, else `part` of it; update `grow`, `fall`.
+    """Return `value` if a component of a group grows, else `part` of it; count both cases.
 
-    `grow` and `fall` count these cases. f is the rate of the component, and `fed` its rate with 0
-    for the group. It grows if signed (f - fed) > least * value; `signed` is the step length.
+    A component grows if the group makes its rate larger than `least` * value in a step: f is the
+    rate with the group at these values, and `fed` the rate with 0 in place of the group.
     """
     is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {
@@ -197,14 +186,11 @@ def RAISED(before, new, some, lost):
 
 
 def add_watch(text, integrator, name, for_each):
-    """Add the function void small(arguments) to `text`, which updates `lost` and finds alarms.
-
-    It concerns lanes where the row `alerts` is 1. Names of functions begin with `name`. If
-    `for_each` is True, each lane has its own table.
-    """
+    """Add the function void small(arguments): update `lost` where `alerts` is 1; find alarms."""
     with text.function(f"{name}_small", ("arguments",)):
         code = StepCode(text, integrator, name, for_each)
-        line, looks, found = code.line, code.work.alerts[0] > 0.0, Carried(watches=0.0, near=0.0)
+        line, work, found = code.line, code.work, Carried(watches=0.0, near=0.0)
+        looks = work.alerts[0] > 0.0
         for i in text.each(code.f.of.D, found):
             some = code.component("some", i)
             if integrator.is_implicit:
@@ -216,7 +202,8 @@ def add_watch(text, integrator, name, for_each):
                 line.lost.choose(looks, i, own.pop("lost"))
                 return list(own.values())
 
-            concerns = code.apply(CONCERNS, i, **inputs)["concerns"]
+            x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
+            concerns = (lost > 0.0) | _loses(x, new, error, some, lost)
             values = text.otherwise(~concerns.any(), [found.watches, found.near], update)
             found.watches, found.near = values
         line.watches.choose(looks, 0, found.watches)
@@ -226,10 +213,10 @@ def add_watch(text, integrator, name, for_each):
 
 
 def watch(code, alerts, on_trial):
-    """Watch components after a step, in lanes where `alerts` is 1.
+    """Watch components after a step: in lanes `alerts`, and where some have lost digits.
 
-    Explicit steps watch components without digits in every second step, and at the end. Errors that
-    a second trial allows (`on_trial` is 1) are rounding of the component, and do not count.
+    Explicit steps watch lost digits in every second step, and at the end. Errors that a second
+    trial allows (`on_trial`) are rounding of the component, and do not count.
     """
     line, work, text = code.line, code.work, code.text
     watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0
@@ -251,7 +238,8 @@ def _look(code, looks):
     text.copy(work.new, work.start, code.D)
     for now in text.rounds(Carried()):
         for i in text.each(D):
-            work.start[i] = code.apply(KNOWN, i)["known"]
+            new = work.new[i]
+            work.start[i] = (line.lost[i] > 0.0).select(0.0, new)
         code.call("f", work.start, code.table, work.f)
         found = Carried(changes=0.0, left=0.0)
         for i in text.each(D, found):
@@ -294,10 +282,8 @@ def _find_group(code, looks):
         group[i] = is_in.select(1.0 / work.inverse[i], 0.0)
     found = Carried(grow=0.0, rounds=0.0, differs=1.0)
     for now in text.rounds(found):
-        sums, part = (
-            Carried(grow=0.0, fall=0.0),
-            (now.rounds < 0.5 * ROUNDS).select(LESS, LITTLE_LESS),
-        )
+        sums = Carried(grow=0.0, fall=0.0)
+        part = (now.rounds < 0.5 * ROUNDS).select(LESS, LITTLE_LESS)
         text.copy(work.new, work.b, code.D)
         for i in text.each(D):
             work.b[i] = known[i] + group[i]

@@ -45,9 +45,9 @@ AT_END = 16.0
 def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     """Set `differs` to 1 if f' at the end of a step, times `right`, differs from f' at its start.
 
-    With f' of the start, (1 - s f') right is `apart` + `at_end`. With f' of the end it follows from
-    `f_new`, f at the end, and `f_beside`, f at the end + right. f' differs if the second value is
-    below half of the first. Values up to MOST_APART allowed errors (1 / `inverse`) do not count.
+    For the vector `right`, (1 - s f') right is `apart` + `at_end` with f' at the start. With f' at
+    the end it follows from `f_beside`, f at the end + right. If the second value is below half of
+    the first, f' differs. Values up to MOST_APART allowed errors do not matter.
     """
     whole, own = apart + at_end, right - s * (f_beside - f_new)
     is_large = AT_END * abs(whole) * inverse > MOST_APART
@@ -57,8 +57,7 @@ def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
 class ImplicitColumns(FunctionCode):
     """Writer of the function void columns(x, f, table, work, count) by the linearly implicit rule.
 
-    The function writes y_c - x, for the ends y_c of the first `count` columns, to the row `ends` of
-    `work`. The row `jacobian` has f'(x). x, f, `table` and `work` are addresses; f is f(x).
+    The function is called as the function of `ExplicitColumns`. The row `jacobian` has f'(x).
     """
 
     def add(self):

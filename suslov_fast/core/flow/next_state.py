@@ -15,9 +15,9 @@ def _changes_sign(x, new):
 
 @scalar_kernel
 def KEPT(x, new, keeps, kept, extra, rtol, size):
-    """Return `new` and `kept`: if `keeps` is 1, `new` gets the sign of x.
+    """Return `new` with the sign of x if the component keeps its sign (`keeps`), and `kept`.
 
-    `kept` becomes 0 if `new` had the other sign and |new| > extra + rtol * size.
+    `kept` becomes 0, which refuses the step, if `new` had the other sign and was not small.
     """
     changes = _changes_sign(x, new) & (keeps > 0.0)
     is_large = abs(new) > extra + rtol * size
@@ -27,8 +27,8 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 def find_next_state(code):
     """Write the next state, f at this state, and errors to the rows `new`, `f_new` and `error`.
 
-    Return `kept`, 0 where a component changes a sign that the motion keeps, else 1; and, for x and
-    for derivatives, a dict of inputs of `tolerance.ALLOWED` that depend on all components.
+    Return `kept`, which is 0 where a component or a denominator loses its sign, and two dicts, for
+    x and for columns of derivatives: what allowed errors need to know about all components.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights

@@ -41,11 +41,11 @@ TINY_STEP = 2.0**-40  # part of the time: a step up to this length is short
 
 @scalar_kernel
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
-    """Return `beside`, a component that differs by rounding from `state`, at a point of a step.
+    """Return a component beside a `state` of the step, displaced by about its rounding.
 
-    A clock (`counts` = 0) is ahead. Other components differ in a direction `seeds` * `multiple`, as
-    if by chance, by a part of |state| at the ends x and `new` (`is_end` = 1). Between the ends it
-    is a part of the larger of |x| and |new|, as x may be 0. `move` is added.
+    A clock is later. Other components are displaced as if by chance, in the direction `seeds` *
+    `multiple`: relative to |state| at the ends of the step, and between them relative to the larger
+    end, because the state may be 0 there. `move` is added.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -56,10 +56,9 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Update `least`, `largest` and `second` by `most`, the largest change of f beside one point.
+    """Update changes of f from `most`, the largest change of f beside one more point of the step.
 
-    `least` is the smaller of the changes at the two ends (`is_end` is 1). `largest` and `second`
-    are the two largest changes at all points.
+    `least` is the smaller change of both ends; `largest`, `second` are the largest of all points.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
@@ -73,15 +72,14 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """Return `ratio`, `of_length` and `of_apart` of a second trial so far, and a new `inverse`.
+    """Return `ratio` and `of_apart`, errors relative to a new allowed error, and its `inverse`.
 
-    `ratio` is the largest `error` / allowed error, and `of_apart` the same of `apart`, which shows
-    false steps. `of_length`, for the next length, omits errors that only rounding allows, because
-    they do not shrink with the step. `inverse` is 1 / allowed error of the component. `least` is
-    the smaller change of f at both ends, because f may be steep at one of them. If the step is not
-    much longer than the rounding of time, `largest` counts, because sub-steps contain little except
-    rounding. The sum of columns multiplies changes by `grows`. For errors below NOISY times `top`,
-    the largest component, `second`, the second largest change at all points, counts as well.
+    The new allowed error is at least what rounding of the state changes in the step: by `least`,
+    the smaller change of f at both ends, because f may be steep at one of them. In a step not much
+    longer than the rounding of time it is `largest`, because sub-steps contain little except
+    rounding. Below NOISY times the largest component `top`, the error may also be OF_NOISE times
+    `second`. `of_length` is the ratio without errors that only rounding allows, because these do
+    not shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))
@@ -98,10 +96,9 @@ def SECOND(
 
 
 def try_again(code, sums):
-    """Test again, with larger allowed errors, steps whose errors may be rounding; return a dict.
+    """Test steps with an error that may be rounding again, with larger allowed errors.
 
-    The dict has `ratio`, `of_length`, `apart`, `on_trial` and `rates`. `sums` has their values
-    before the trial (`find_errors`), which lanes without a trial keep.
+    Return the results that such a trial replaces in `sums`, the results of `find_errors`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]
@@ -149,8 +146,8 @@ def try_again(code, sums):
 def _changes_beside(code, is_noise):
     """Return arrays `least`, `largest`, `second` of changes of f beside points (`BESIDE_POINTS`).
 
-    Lanes `is_noise`, with an error that may be noise, evaluate all points and states beside them.
-    Other lanes evaluate one state beside each end.
+    Lanes `is_noise`, with an error that may be noise, evaluate all points in all directions. Other
+    lanes evaluate one state beside each end of the step.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     change = work.right if integrator.is_implicit else work.f

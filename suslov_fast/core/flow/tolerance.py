@@ -34,11 +34,11 @@ _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 def floors_of(rtol, keeps):
     """Return `floor` of explicit and of implicit steps, relative to the largest value so far.
 
-    It is less for a component that keeps its sign (`keeps` is 1), such as a population. With larger
-    floors relaxation oscillations jump at wrong times, because the times depend on components at
-    1e-4 to 1e-2 of their largest values. With smaller ones a pendulum takes more steps at an equal
-    error of 1e-3. Of 2,337 populations and oscillations at rtol = 1e-4, 21 are wrong unnoticed; 27
-    with rtol in place of 3e-5, 20 with 1e-6.
+    A component that keeps its sign (`keeps` is 1), such as a population, has a smaller floor.
+    Larger floors make relaxation oscillations jump at wrong times, because these times depend on
+    components at 1e-4 to 1e-2 of their largest values. Smaller floors cost steps: of a pendulum, at
+    an equal error of 1e-3. Of 2,337 populations and oscillations at rtol = 1e-4, 21 are wrong
+    unnoticed; 27 with rtol in place of 3e-5, and 20 with 1e-6.
     """
     return min(rtol, 1e-6 if keeps else 3e-5), min(rtol, 1e-4 * sqrt(rtol))
 
@@ -67,9 +67,9 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 
 @scalar_kernel
 def RATIO(error, inverse, f_new, ratio, total, aside):
-    """Update `ratio` = max |error| * inverse (1 / allowed error); `total` is finite if f_new is.
+    """Update `ratio`, max |error| / allowed error, and `total`, which is finite if f_new is.
 
-    If `aside` is 1 (an implicit step aside), only the end is saved, and f_new does not count.
+    In an implicit step aside f_new does not count, because only the end of the step is saved.
     """
     own = abs(error) * inverse
     return {
@@ -80,27 +80,26 @@ def RATIO(error, inverse, f_new, ratio, total, aside):
 
 @scalar_kernel
 def LARGE(error, inverse, noisy, large):
-    """Update `large` = max |error| * `inverse` (1 / allowed error), from errors > `noisy` alone."""
+    """Update `large`, max |error| / allowed error, from errors above `noisy` alone."""
     return {"large": (abs(error) > noisy).select(larger(abs(error) * inverse, large), large)}
 
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """Update `rates`, the sum of (h (f_new - f_last))**2, and `states`, of (new - last)**2.
+    """Update sums, of which rates / states estimates (h |mu|)**2; mu is an eigenvalue of f'.
 
-    rates / states is (h |mu|)**2 with an eigenvalue mu of f', and h = `taken`. `last` is y_N of the
-    last column, and `f_last` is f(y_N). Terms are relative to allowed errors, 1 / `inverse`.
+    The difference of f between the next state and `last`, the end of the last column, is compared
+    with the difference of these states, both relative to allowed errors.
     """
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}
 
 
 def find_errors(code, sizes):
-    """Return `ratio`, `total`, `apart`, `alerts` and other sums over all components, by name.
+    """Return the sums of `RATIO`, `ALERTS`, `LARGE` and `DIFFERENCES`, and `apart`, by name.
 
-    The sums are results of `RATIO`, `ALERTS`, `LARGE` and `DIFFERENCES`. `apart` is the ratio of
-    the sum d that shows false steps. The row `error` has errors; the row `inverse` gets 1 / allowed
-    errors. `sizes` is from `find_next_state`.
+    `apart` is the largest sum d that shows false steps (`step`), relative to allowed errors. The
+    row `inverse` gets 1 / allowed errors. `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
     names = ["ratio", "total", "apart", "alerts"] + (
@@ -158,9 +157,9 @@ def _noise(code, i):
 
 
 def differences_of_sets(code):
-    """Return `rates` and `states`, each the product of `DIFFERENCES` of both sets, and `limit`.
+    """Return `rates` and `states`, the products of the `DIFFERENCES` of both sets, and `limit`.
 
-    rates / states is (h |mu|)**4 for any allowed errors; `limit` is the squared limit of h |mu|.
+    Then rates / states is (h |mu|)**4; so `limit` becomes the square of the limit of h |mu|.
     """
     text, work, sums = code.text, code.work, []
     for components in code.integrator.sets:

@@ -25,7 +25,7 @@ LONGEST = 20_000
 class ProgramFunction:
     """An expression program as straight-line code; its first `inputs` numbers are input rows.
 
-    `places` is {number: place in the table} of other inputs. A result None leaves its row as it is.
+    Other inputs are in the table of f, at `places` by their numbers. A result None is not written.
     """
 
     scratch = 0
@@ -50,7 +50,7 @@ class ProgramFunction:
     def values(self, text, row, table, for_each):
         """Add the operations to `text`; return {place: result} for the results that are not None.
 
-        row(k) returns input k. `table` is the address of a table, one for each lane if `for_each`.
+        row(k) returns input k; `table` is the address of the table.
         """
         found = {}
         load = self._loader(text, row, table, for_each)
@@ -77,7 +77,7 @@ class ProgramFunction:
         """Add the function `name` to `text`, in blocks of operations.
 
         LLVM's time grows with the square of a block's length. Each block reads its inputs again,
-        and writes each result as soon as it is computed. With `for_each` each lane has a table.
+        and writes each result as soon as it is computed.
         """
         operations, rows, given = self.operations, defaultdict(list), []
         own = {number for _, number, _ in operations}

@@ -30,7 +30,7 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
 class Branches(NamedTuple):
-    """The parameters of f that hold its branches, after P other parameters.
+    """The branches of f, which the last parameters of f hold.
 
     surfaces  the `Surface`s at which branches change: first those where f jumps, then kinks
     P         how many other parameters f has
@@ -115,11 +115,10 @@ def watch_of(f, surfaces):
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
-    `results` are operands in the `Expressions` `values`, functions of the state and of P
-    parameters. Starts of clocks and branches are further parameters. `f.branches` is None if f has
-    no branches. `by` are the numbers of parameters to differentiate f by. `twice` is True if
-    columns of derivatives are added to f later (`variational`). `actions` are the `EventAction`s of
-    events: events on surfaces first, then events at times.
+    `results` are operands in `values`, functions of the state and P parameters. Starts of clocks
+    and branches are further parameters; without branches `f.branches` is None. f is also
+    differentiated by the parameters `by`. If `twice`, it is differentiated with columns later
+    (`variational`). `actions` are `EventAction`s: of events on surfaces, then at times.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
@@ -167,15 +166,16 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     f.events, f.offsets, f.branches = events, offsets, branches
     _watch(f, [*in_order, *events_on_surfaces])
     f.branch_program = _choices(tests, in_order, truths)
-    f.derived = _derived(f, choices_of_jumps)
+    of = depending(f.fixed, choices_of_jumps).difference(choices_of_jumps)
+    f.derived = program_of(f.fixed, [a for a in f.table if a in of])
     return f
 
 
 def _groups_of(operations, jumps):
-    """Return {number of a comparison: its group}: all comparisons of the same two numbers a and b.
+    """Return {number: group} of the comparisons in `jumps` that have both operands in common.
 
-    A group is {number: (its truth where a > b, its truth where a < b)}, with 1.0 for true. `jumps`
-    has the comparisons. A comparison of numbers that no other one compares has no group.
+    A group has all comparisons of the same a and b. It is {number: (its truth where a > b, its
+    truth where a < b)}, with 1.0 for true.
     """
     groups = {}
     for name, number, operands in operations:
@@ -187,12 +187,12 @@ def _groups_of(operations, jumps):
 
 
 def _passed(tests, number, group, choices, truth, a, b):
-    """Return the operand of the new branch of a comparison of a and b, as a truth value.
+    """Return the operand of the truth value that a comparison of a and b has as its new branch.
 
-    The operand `truth` is this value, except where a motion meets a = b. There all comparisons of
-    the `group` (`_groups_of`) change at once, as if the motion were already beyond the surface.
-    Otherwise np.sign would be 0 there, and f would jump twice. `choices` is {number of a
-    comparison: parameter of its old branch}; old branches are NaN at first and after an action.
+    Usually this is `truth`. But if a motion meets a = b, all comparisons of the `group` change at
+    once, as if the motion were already beyond the surface. Otherwise np.sign would be 0 there, and
+    f would jump twice. `choices` is {number of a comparison: parameter of its old branch}; old
+    branches are NaN at first and after an action.
     """
     meets, result = tests.emit("oeq", a, b), tests.number(truth).select(1.0, 0.0)
     for k in (0, 1):
@@ -205,10 +205,9 @@ def _passed(tests, number, group, choices, truth, a, b):
 def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    `fixed` and `tests` are `Expressions`. Values below number `first` are the state and the other
-    parameters. `surfaces` is {number of a condition: `Surface`}. `shifted` is {number of a table's
-    value: (p, q)}: the argument of the table is p + q, where q is constant along a step. `groups`
-    has comparisons that change at once (`_groups_of`). The results are
+    Values below number `first` are the state and the other parameters. `surfaces` is {number of a
+    condition: `Surface`}. `shifted` is {number of a table's value: (p, q)}: the argument of the
+    table is p + q, where q is constant along a step. The results are
 
     1. {old operand: its operand in `fixed`},
     2. for each surface the operand in `fixed` of its function (p for p + q),
@@ -247,21 +246,16 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
             if not jumps:
                 b = fixed.emit("fmul", -1.0, a) if name == "fabs" else b
                 new[number] = fixed.emit("select", truth, a, b)
-    return (
-        new,
-        [functions[a] for a in surfaces],
-        [branches[a] for a in surfaces],
-        [shifts[a] for a in surfaces if a in shifts],
-    )
+    found = [[of[a] for a in surfaces if a in of] for of in (functions, branches, shifts)]
+    return new, *found
 
 
 def _choosing(values, operations, of_states, moving):
-    """Return two dicts {number of a value: kind}: where f may jump, and where f bends (kinks).
+    """Return two dicts {number of a value: `Surface.kind`}: where f jumps, and where f bends.
 
-    A kind is `Surface.kind`. `operations` are all operations in `values` that f needs. The values
-    `of_states` depend on more than clocks. A table of clocks alone counts as a kink even if it
-    jumps, because no motion slides along its knots. The values `moving` change along a step.
-    Other values change only at events, as modes do, and need no surface.
+    The values `of_states` depend on more than clocks. A table of clocks alone counts as a kink even
+    if it jumps, because no motion slides along its knots. Values that are not `moving` change at
+    events alone, as modes do, and need no surface.
     """
     jumps, kinks = {}, {}
     for name, number, operands in operations:
@@ -287,20 +281,11 @@ def _watch(f, surfaces):
     f.aim = tuple(aim_of(f, surfaces, is_implicit) for is_implicit in (False, True))
 
 
-def _derived(f, choices):
-    """Return the `Program` of the entries of f's table that are functions of branches.
-
-    The entries are functions of parameters alone. `choices` are the parameters that hold branches.
-    """
-    of = depending(f.fixed, choices).difference(choices)
-    return program_of(f.fixed, [a for a in f.table if a in of])
-
-
 def _choices(tests, surfaces, branches):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    `branches` are operands in the `Expressions` `tests`, one for each of the `surfaces`. The
-    program also reads the parameters that hold the old branches. Its results are
+    It also reads the old branches. `branches` are operands in `tests`, for each surface. The
+    results:
 
     1. the place of the first jump of f with a new branch, else -1,
     2. 1 if any branch is new, else 0,
@@ -323,7 +308,7 @@ def _choices(tests, surfaces, branches):
 
 
 def _finite(values, argument):
-    """Add to `values` a table's `argument`, clipped to finite numbers; return it. NaN stays."""
+    """Add a table's `argument`, clipped to finite numbers, to `values`; return it. NaN stays."""
     return values.emit("max", -LARGEST, values.emit("min", LARGEST, argument))
 
 

@@ -1,9 +1,9 @@
 """Products of a constant dense matrix and a vector of values, as one operation of a program.
 
 The value of the operation (`DenseMatrix`, number, operands) is a vector, and ("entry", number,
-(vector, float(i))) is its component i. So a program has n operations for n**2 products, and machine
-code has loops. Component i is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: it has the bits
-of the written sum.
+(vector, float(i))) is component i of it. So a program has n operations for n**2 products, and
+machine code has loops. Component i is 0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order: it has
+the bits of the written sum.
 """
 
 import hashlib
@@ -49,11 +49,8 @@ class DenseMatrix(str):
         return -(-len(self.matrix) // AT_ONCE) * AT_ONCE
 
     def address(self, rows):
-        """Return the address of the entries in blocks of `rows` rows, each column by column.
-
-        Rows of 0 follow the last ones. The entries stay in memory as long as this object.
-        """
-        if rows not in self.packed:
+        """Return the address of entries in blocks of `rows` rows, each block column by column."""
+        if rows not in self.packed:  # kept, because machine code reads it; rows of 0 fill a block
             full = np.zeros((self.height, self.matrix.shape[1]))
             full[: len(self.matrix)] = self.matrix
             blocks = full.reshape(-1, rows, full.shape[1]).transpose(0, 2, 1)
@@ -98,8 +95,8 @@ def roll(values):
     """Put products of dense matrices in place of written sums, in the dict `of` of `Expressions`.
 
     A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers. Rows that share
-    values become one matrix. If all constants of a row have the same parameters as factors or
-    divisors, as in (g * W) @ x, the entry of the product is multiplied or divided by them instead.
+    values become one matrix. Constants may have the same parameters as factors or divisors, as in
+    (g * W) @ x: then the entry of the product is multiplied or divided by these.
     """
     if len(values.of) < 2 * LEAST:
         return
@@ -141,11 +138,10 @@ def roll(values):
 
 
 def _row(values, number, sums):
-    """Return the row {(factors of c, v): (c, number of the sum up to c v)} of a sum.
+    """Return the row {(factors of c, v): (c, number of the sum up to c v)} of the sum `number`.
 
     The row has the first terms of the sum, up to a value v out of order or a constant c with other
-    factors. `number` is the number of the sum, and `sums` has the numbers of sums that are a part
-    of one other sum.
+    factors. `sums` has the numbers of sums that are a part of one other sum.
     """
     terms, row, parts = [], {}, values.parts_of
     while not terms or number in sums:
@@ -181,11 +177,11 @@ def products_in(operations):
 
 
 def along(emit, products, rows, v, totals=()):
-    """Return the changes of values along a direction v, and v with the changes of entries.
+    """Return changes of values along a direction v, and v with changes of entries of `products`.
 
-    v is {component: operand of its change}, and `products` are from `products_in`. `rows` has the
-    `gradients` of all operands of the products in order, then of other values. The first result has
-    the changes of these other values; None is 0. `totals` are operands to which changes are added.
+    v is {component: operand of its change}. `rows` has the `gradients` of all operands of the
+    products in order, then of the values; a change that is None is 0. `totals` are operands to
+    which the changes are added.
     """
     v = dict(v)
     changes = (

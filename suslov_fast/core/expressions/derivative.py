@@ -9,9 +9,9 @@ from .tables import is_table
 def gradients(values, operations, results, D, by=()):
     """Return {j: operand of the derivative with respect to j} for each operand in `results`.
 
-    `operations` compute `results` from the components 0 to D - 1 of the state. j is a component, or
-    the number of a parameter in `by`, or of an entry of a product with a dense matrix, see `along`.
-    A derivative that is missing is 0. Operations that compute derivatives are added to `values`.
+    j is a component 0 to D - 1, or the number of a parameter in `by`, or of an entry of a product
+    with a dense matrix (see `along`); a missing derivative is 0. `operations` compute `results`.
+    The operations of derivatives are added to `values`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -26,8 +26,8 @@ def gradients(values, operations, results, D, by=()):
 def gradients_along(values, results, D, v):
     """Return `gradients` of `results`, and the direction v with changes of entries of products.
 
-    v is {component: operand of its change}. The gradients times v with the changes of entries are
-    the changes of `results` (see `along`).
+    v is {component: operand of its change}. The gradients times this longer v are the changes of
+    `results`.
     """
     products = products_in(values.operations)
     operands = [a for _, of, _ in products for a in of]
@@ -37,10 +37,7 @@ def gradients_along(values, results, D, v):
 
 
 def _row(values, instruction, number, operands, rows):
-    """Return the row {component: operand of its derivative} of value `number`, by the chain rule.
-
-    The value is `instruction` on `operands`; `rows` is {number of a value: its row}.
-    """
+    """Return {j: operand of the derivative} of value `number`, from the `rows` of `operands`."""
     emit, (name, written, *_) = values.emit, values.written.get(number, ("", ()))
     if name == "power" and isinstance(written[1], float) and not isinstance(written[0], float):
         a, c = written  # a**c has the derivative c a**(c - 1) a'

@@ -9,11 +9,11 @@ m is the least of s_1, s_2, s_3 and of the quartic through all five points.
 - |m| <= e: undecided; the step must be shorter, by the fourth root of e / |m|.
 - m > e: the surface is not crossed.
 
-States have errors of about rtol, so s has an error d of rtol times the sizes of its terms. If
-|m| < d, the crossing is undecided, but a shorter step would not tell more: e / |m| is replaced by
-e / d. At kinks d has rtol**(3/4) in place of rtol: there f only bends, and a motion beyond the kink
-for less than d**(1/2) has an error below rtol. Values of s within ROUNDING of its terms are no
-crossings: a temperature that relaxes to that of a room does not cross it.
+States have errors of about rtol, so s has an error d of rtol times the sizes of its terms. If |m| <
+d, a shorter step would not tell more: then e / d replaces e / |m|. At kinks d has rtol**(3/4) in
+place of rtol: there f only bends, and a motion beyond the kink for less than d**(1/2) has an error
+below rtol. Values of s within ROUNDING of its terms are no crossings: a temperature that relaxes to
+that of a room does not cross it.
 
 The five values do not show a narrow hump of s between two points, as of a bell curve; polynomials
 have no such humps. At a hump the rate ds/dt changes its sign. If the straight line through the
@@ -53,20 +53,19 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY,
 
 
 class DoubleCrossings(NamedTuple):
-    """Programs that find out if a step crosses a surface twice.
+    """Programs that find out if a step crosses a surface twice; None if no surface needs one.
 
-    decision     the `Program` that decides, see below; None if no surface may be crossed twice
-    phases       the `Program` of the arguments of sin, cos and tan at a state, or None
-    rates        the `Program` of rates of surfaces that may have humps, or None, see `_rates_of`
+    decision     reads the surfaces, `phases` and `rates`, each at five points of a step; the state
+                 at the middle point; rtol; and the table of f
+    phases       reads the state and the table; its results are the arguments of sin, cos and tan
+    rates        gives the rates of surfaces that may have humps, see `_rates_of`
     of_clocks    True if there are surfaces that depend on clocks alone
     of_states    True if there are surfaces that depend on other components
 
-    `decision` reads the values of the surfaces, the results of `phases` and the results of `rates`
-    at five points of a step; the state at the middle point; rtol; and the table of f. Its results
-    are maxima over all surfaces:
+    The results of `decision` are maxima over all surfaces:
 
-    1. e / |m| (see the module); from 1 on the step must be shorter. The result is MOST if
-       interpolation or the rates show two crossings that the values at the points do not show.
+    1. e / |m|; from 1 on the step must be shorter. The result is MOST if interpolation or the rates
+       show two crossings that the values at the points do not show.
     2. 1 if the values at the points show two crossings, else 0.
     3. The change of a phase from point to point, in quarters of a turn.
     """
@@ -111,7 +110,7 @@ def double_crossings_of(f, surfaces):
 
 
 def _humps(f, operations):
-    """Return the numbers of values of `operations` that may have narrow humps between points.
+    """Return the numbers of values that may have narrow humps between points of a step.
 
     Piecewise polynomials of states, sin, cos and tan have none.
     """
@@ -126,11 +125,10 @@ def _humps(f, operations):
 
 
 def _rates_of(f, humps):
-    """Return the `Program` of the rates of surfaces that may have humps, or None without humps.
+    """Return the `Program` of the rates of surfaces with `humps`, or None if there are none.
 
-    `humps` has the numbers of the values s of these surfaces. Two results for each s are ds/du,
-    where u is the fraction of a step, and a bound below which ds/du counts as 0. The program reads
-    the state x, dx/du, rtol, and the table of f.
+    For each value s in `humps` it gives ds/du, with the fraction u of a step, and a bound below
+    which ds/du counts as 0. It reads the state x, dx/du, rtol, and the table of f.
     """
     if not humps:
         return None
@@ -153,9 +151,8 @@ def _rates_of(f, humps):
 def _decision_of(f, tested, by_states, humps, inside):
     """Return the `Program` `decision` of `DoubleCrossings`.
 
-    `tested` has for each surface its place in the results of `f.watched`, its operand, and its
-    `Surface`. The values `by_states` depend on more than clocks, and the values `humps` may have
-    humps. `inside` is `DoubleCrossings.inside`.
+    `tested` has the place of each surface among the results of `f.watched`, its operand, and the
+    `Surface`. The values `by_states` depend on more than clocks.
     """
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_FRACTIONS) * count
@@ -220,9 +217,9 @@ def _turns(operations, arguments):
 def _decided(points, rates, rounding, tolerance):
     """Return e / |m| of a surface s, and 1 if its values show two crossings in a step, else 0.
 
-    `points` are the values of s at five points of the step. `rates` is None, or has two lists for
-    the points: ds/du with the fraction u of the step, and bounds below which it counts as 0. Values
-    within `rounding` of 0 are no crossings, and an |m| below `tolerance` counts as `tolerance`.
+    `points` are s at five points of the step. `rates` is None, or has ds/du and the bounds of
+    `_rates_of` at these points. Values within `rounding` of 0 are no crossings, and an |m| below
+    `tolerance` counts as `tolerance`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)
@@ -276,8 +273,8 @@ def _of_quartic(coefficients, u):
 def _is_steep(rates, zeros):
     """Return the truth value that the rates of a surface s show a sharp minimum of s in a step.
 
-    `rates` are ds/du at five points; up to `zeros` they count as 0. A minimum lies between a
-    negative and a positive rate. It is sharp if the line through both misses the rate beside it.
+    A minimum lies between a negative and a positive rate; `rates` up to `zeros` count as 0. It is
+    sharp if the line through both rates misses the rate beside them.
     """
     is_steep = None
     for k, (u, v) in enumerate(pairwise(_FRACTIONS)):
@@ -294,7 +291,7 @@ def _is_steep(rates, zeros):
 
 
 def _degrees(f):
-    """Return {number of a value: degree} of the values of f that are linear in clocks: 0 or 1."""
+    """Return {number of a value: degree 0 or 1} of the values of f that are linear in clocks."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
     for name, number, operands in f.watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]

@@ -307,7 +307,7 @@ def pow(x, y):
 def cbrt(x):
     """Return the cube root of x: its modulus is 2**k m**(1/3), if abs(x) = 8**k m, m from 1/2 to 4.
 
-    A polynomial starts Halley's method; the result of its step is rounded to 26 bits, so that its
+    A polynomial starts Halley's method; the result of a step is rounded to 26 bits, so that its
     square is exact. Another step follows.
     """
     size = abs(x)
@@ -393,7 +393,7 @@ def _is_odd(shifted):
 def _signed(x, shifted, *signs):
     """Return x, negated once for each negative number in `signs`, and once if n mod 4 > 1.
 
-    n counts quarters of a turn; `shifted` is n + _SHIFT, which has n in its last bits.
+    `shifted` is n + _SHIFT, which has the number n of quarters of a turn in its last bits.
     """
     x = x.then("bits_xor", shifted.then("bits_shl", from_bits(62)).then("bits_and", -0.0))
     for sign in signs:

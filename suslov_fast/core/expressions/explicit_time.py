@@ -21,7 +21,7 @@ _COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
 class _Pair(NamedTuple):
-    """Operands of a value p + q of f: p is 0 at the start, and q is constant along a step.
+    """Operands of a value p + q: p is 0 at the start, and q is constant along a step.
 
     `whole` is one operand for p + q if it has more digits than the sum, else None.
     """
@@ -34,12 +34,9 @@ class _Pair(NamedTuple):
 class ElapsedTime:
     """A right-hand side rewritten for clocks that count from 0, so that late dates cost no digits.
 
-    A clock is a component of constant rate that no action sets; its start becomes a parameter.
+    A clock is a component of constant rate that no action sets. `values`, `results`, `P` and
+    `actions` replace the given ones.
 
-    values   the `Expressions` after rewriting
-    results  the rates, operands in `values`
-    P        the number of parameters after rewriting
-    actions  the `EventAction`s after rewriting
     offsets  {clock: number of the parameter that is its start}
     shifts   {number of a value: (p, q)} for values of tables at arguments p + q (`_Pair`)
     """
@@ -58,10 +55,7 @@ class ElapsedTime:
         self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):
-        """Return the `EventAction` `action`, rewritten for clocks that count from 0.
-
-        `results` is a pair: old operands of its surface and of its new state, each a list or None.
-        """
+        """Rewrite an `EventAction`; `results` are old operands of its surface and its new state."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
         # If an event leaves a clock as it is, its new state is the new clock, not the old one.
@@ -72,9 +66,9 @@ class ElapsedTime:
         return EventAction(*new, *action[2:])
 
     def _shift(self, operations, clocks):
-        """Replace `self.values` by new expressions in which the components `clocks` count from 0.
+        """Rewrite all that `operations` compute, with `clocks` that count from 0.
 
-        `operations` are all that results need of the old ones. Starts of clocks become parameters.
+        Starts of clocks become parameters, behind the others.
         """
         D = len(self.results)
         first, old = D + self.P, self.values
@@ -101,14 +95,14 @@ class ElapsedTime:
         return isinstance(a, float) or a in self.rigid
 
     def _pair(self, old):
-        """Rewrite the operand `old` as a `_Pair` p + q; return None if it is no such sum."""
+        """Return the operand `old` as a new `_Pair`, or None if it is no such sum."""
         new = None if isinstance(old, float) else self.known[old]
         if isinstance(new, _Pair):
             return new
         return _Pair(0.0, self._whole(old)) if self._is_rigid(old) else None
 
     def _whole(self, old):
-        """Rewrite operand `old`; return one operand, for a pair p + q the operand of its sum."""
+        """Return the new operand of the operand `old`; for a pair p + q the operand of the sum."""
         new = old if isinstance(old, float) else self.known[old]
         if not isinstance(new, _Pair):
             return new
@@ -117,7 +111,7 @@ class ElapsedTime:
         return self.values.emit("fadd", new.q, new.p)
 
     def _value(self, name, operands):
-        """Rewrite operation `name` on old `operands`; return its new operand or its `_Pair`."""
+        """Return the new operand, or the `_Pair`, of operation `name` on old `operands`."""
         emit, wholes = self.values.emit, [self._whole(a) for a in operands]
         is_sum = any(isinstance(self.known.get(a), _Pair) for a in operands if type(a) is int)
         pairs = [self._pair(a) for a in operands]
@@ -147,7 +141,7 @@ class ElapsedTime:
         return number
 
     def _without_turns(self, q):
-        """Return the operand of a phase: the operand q, minus whole turns of 2 pi if q is large."""
+        """Return the operand q of a phase; a large phase loses whole turns of 2 pi."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
         return (abs(q) > _LARGE).select(rest, q).number

@@ -8,8 +8,8 @@ import numpy as np
 class DenseRightHandSide:
     """The right-hand side f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k), with symmetric q.
 
-    It has D components, and the attributes of a `RightHandSide` that steps of the motion read. Its
-    parameters, like its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
+    It has the attributes of a `RightHandSide` that steps of the motion read. Its parameters, like
+    its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
     is_dense = is_written = True
@@ -42,9 +42,9 @@ class DenseRightHandSide:
         return linear + (totals + totals)
 
     def _parts(self, x, table):
-        """Return arrays of x_i, c_i, l_ij and sum_k q_ijk x_k, for states x (D, ...).
+        """Return arrays of x_i, c_i, l_ij and sum_k q_ijk x_k, at states x (D, ...).
 
-        `table` (P, ...) contains the coefficients. Machine code adds terms in the same order.
+        Machine code adds terms in the same order.
         """
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
         x, coefficients = (

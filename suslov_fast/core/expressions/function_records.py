@@ -1,9 +1,8 @@
 """The functions that a right-hand side may contain: one record for each.
 
-A function with an `instruction` is an operation of expression programs. `numpy_evaluation` and
-`llvm.text` evaluate it. Other functions are made of such functions. Derivatives are expression
-programs, too. The records determine which functions users may call, how equations are written and
-read, and a table of the documentation.
+A function with an `instruction` is an operation of expression programs, which `numpy_evaluation`
+and `llvm.text` evaluate. Other functions are made of these. The records determine which functions
+users may call, how equations are written and read, and a table of the documentation.
 """
 
 import math
@@ -18,12 +17,10 @@ class Function(NamedTuple):
     """A function of numbers that f may contain.
 
     name         NumPy's name for it, which is also its name in equations
-    operands     how many operands it takes
     derivative   function of the operands and the value; returns one partial derivative or several
     is_0_at_0    True if it is 0 at 0, and smooth at 0
     instruction  its name in expression programs; "" if it is made of others
     formula      if it is made of others: takes a `Number` for each operand, returns the value
-    sign         its sign in equations
     narrows      True if it makes narrow pulses of waves, as exp(100 cos(t)) has them
     """
 

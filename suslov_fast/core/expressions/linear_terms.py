@@ -15,9 +15,8 @@ _ROUNDING = 1e-14  # rounding error of a coefficient, relative to the sum of the
 def coefficients(f, table):
     """Return C (members, D, terms) of a `RightHandSide` f = C m(x), with functions m of the state.
 
-    `table` (members, n) has the table of f for each set of parameters. Left null vectors of C are
-    linear integrals. Each column of C is divided by its largest entry. A value that depends on
-    branches is not expanded: it is a function in m.
+    `table` (members, n) has the table of f for each set of parameters. Each column of C is divided
+    by its largest entry. A value that depends on branches is not expanded: it is a function in m.
     """
     parameters = f.P if f.branches is None else f.branches.P
     choices = depending(f.fixed, range(f.D + parameters, f.D + f.P))

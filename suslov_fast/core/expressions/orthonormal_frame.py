@@ -22,8 +22,7 @@ SHIFT = 2.0
 def _with_frame(f, moving):
     """Return the `RightHandSide` of x' = f(x), of Q + SHIFT by rows, and of l.
 
-    The columns of Q are orthonormal tangent vectors, and l has the logarithms of their growth.
-    Tangent vectors have entries for the components `moving` of x. f has no branches. The parameters
+    f has no branches. Tangent vectors have entries for the components `moving` of x. The parameters
     are the numbers in the table of f, which also contains the starts of clocks.
     """
     D, n = f.D, len(moving)

@@ -58,7 +58,7 @@ def part_of(program, numbers):
 
 
 def _colours(reads):
-    """Return {component: colour}, where colours are bools, or None if such colours do not exist.
+    """Return {component: colour, a bool}, with two colours; None if such colours do not exist.
 
     `reads` is {component: components that its rate depends on}; these have the other colour.
     """
@@ -111,7 +111,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of the value of instruction `name`; `of` are the `_Kind`s of its operands.
+    """Return the `_Kind` of the value of instruction `name` on operands of the kinds `of`.
 
     It is None if the value may change between points of a step without a trace at the points.
     """

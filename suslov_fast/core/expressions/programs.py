@@ -40,15 +40,14 @@ class Values:
         return isinstance(operand, float) or operand in self.fixed
 
     def total(self, start, products):
-        """Return the operand of start + a c + ..., for the pairs (a, c) in `products`, in order.
+        """Return the operand of start + a c + ..., for the pairs (a, c) in `products`; None is 0.
 
-        `start` is an operand, or None for 0. The result is None if `start` is None and there are no
-        pairs. Pairs with a factor of parameters alone are in "sum" operations of their own.
+        Pairs with a factor that depends on parameters alone are in "sum" operations of their own.
         """
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return the operand of start + a c + ..., as `total`, with `factors` [a, c, ...]."""
+        """Return `total` of a flat list of factors [a, c, ...]."""
         operands, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *operands, *factors)
@@ -89,9 +88,10 @@ class Program(NamedTuple):
 class Expressions(Values):
     """Values without repetition: equal operations share a value, and constants are computed.
 
-    `of` contains the instruction and operands of each value. `fixed_truths` contains the numbers of
-    truth values that depend on parameters alone. `written` is {number of a value: (name, operands,
-    ...)} of functions that a user wrote, such as powers, which may take several operations.
+    of            {number of a value: (instruction, operands)}
+    fixed_truths  numbers of truth values that depend on parameters alone
+    written       {number of a value: (name, operands, ...)} of functions that a user wrote, such as
+                  powers, which may take several operations
     """
 
     def __init__(self, count, fixed=()):
@@ -114,9 +114,9 @@ class Expressions(Values):
         return self.count - 1
 
     def take_written(self, others, new):
-        """Copy `written`, the functions that a user wrote, from other `Expressions`, `others`.
+        """Copy `written` from other `Expressions`; `new` is {number in `others`: operand here}.
 
-        `new` is {number in `others`: operand here}. Functions of other operands are left out.
+        Functions with an operand that is not in `new` are left out.
         """
         for number, (name, operands, *tables) in others.written.items():
             of = [a if isinstance(a, float) else new.get(a) for a in operands]
@@ -195,8 +195,8 @@ def folded(emit, name, of):
 def in_order(values, results, more=0):
     """Return a copy of `Expressions` without needless operations, and the results in the copy.
 
-    `results` are operands in `values`, and determine the order of operations. In the copy `more`
-    new parameters follow the given values.
+    Operations are in the order in which `results` need them. The copy has `more` new parameters
+    after the given values.
     """
     given = values.count - len(values.operations)
     fixed = [*(a for a in values.fixed if a < given), *range(given, given + more)]
@@ -253,10 +253,10 @@ def renamed(operands, new):
 
 
 def emitted(values, program, new=None):
-    """Add the operations of a `Program` to `values`; return its results there.
+    """Add the operations of a `Program` to `values`; return the results there.
 
-    `new` maps operands of the program to operands in `values`; the results of the operations are
-    added to it. Operands that are not in `new` keep their numbers.
+    `new` is {operand of the program: operand in `values`}; values of operations are added to it.
+    Operands that it lacks keep their numbers.
     """
     new = {} if new is None else new
     for name, number, operands in program.operations:
@@ -272,7 +272,7 @@ def united(programs):
 
 
 def renumbered(program, given):
-    """Return a `Program` with new numbers of values; `given` is {old: new number} of its inputs."""
+    """Return a `Program` with new numbers; `given` is {old: new number} of its inputs."""
     new, count, operations = dict(given), 1 + max(given.values()), []
     for number, (name, old, operands) in enumerate(program.operations, count):
         operations.append((name, number, (*renamed(operands, new),)))

@@ -17,49 +17,41 @@ from .symbolic_elimination import bits_of
 class RightHandSide:
     """The right-hand side f of D equations with P parameters.
 
-    Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone are
-    carried out once for a run, in NumPy. The table has those parameters and results of these
-    operations that f or f' needs.
+    Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone,
+    `fixed`, are carried out once for a run, in NumPy. Other programs read the `table`: the numbers
+    of parameters and of results of `fixed` that they need. `places` is {number: its place in the
+    table}.
 
-    f            `Program` of f without operations on parameters alone; D results
-    fixed        operations on parameters alone
-    table        the numbers of the values in the table
-    places       {number: its place in the table}
-    pattern      the places (i, j) of f' where an entry may differ from 0, in order
-    derivative   `Program` of f' alone; its results are the entries at `linked`
-    linked       the places (i, j) of the results of `derivative`: `pattern` without products
-    products     `products_in` f. If there are some, `derivative` is about `height` values: operands
-                 of products, then f. j is a component or an entry of a product
-    column       `Program` of f' v (D) from the results of `derivative` and v (D)
+    f            `Program` of the D rates
+    derivative   `Program` of f' alone; its results are the entries at the places (i, j) in `linked`
+    products     `products_in` f. With these, `derivative` is about `height` values: operands of
+                 products, then f; and j is a component or an entry of a product
     of_parameters  `Program` of df/dp for the parameters `by`, with `height` results for each
-    by           the operands df/dp, which are the results of `of_parameters`
     reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators  numbers of values of `f` that change sign at poles, see `_signs_of_poles`
     surfaces     `Program` of the surfaces at which steps end, and of other functions of the state
-    slopes       `Program` of ds_k/dx_j of the surfaces s_k at which f jumps; j = D, ... are `by`
-    slope_places  the places (k, j) of these derivatives
-    branches, branch_program, watch, double_crossings, aim, derived  see the module `branches`; None
-                 if neither branches nor events need them
-    watched      `Program` of the surfaces with crossings that end steps, or None
+    slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
+                 j = D, ... are the parameters `by`
     longest      operand of the longest step, a function of parameters, see `pulses`
     offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
     events       `EventSet` of actions along the motion, or None
     of, columns  here f itself and 0; with columns of derivatives beside x, see `Variational`
-    key          a text that identifies this right-hand side
     is_written   False if no user wrote f: warnings on its size would mean nothing
+
+    The module `branches` sets the other programs, which are None if f has neither branches nor
+    events. `watched` has the surfaces with crossings that end steps.
     """
 
     is_written = True
 
     def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
-        """Plan f, with P parameters, from `Expressions`; the operands `results` are the D rates.
+        """Plan f with the D rates `results`, operands in the `Expressions` `values`.
 
-        f is also differentiated with respect to the parameters with the numbers `by`. `surfaces`
-        are other operands to evaluate; the first `jumps` of them are differentiated, too. The table
-        begins with the parameters `kept`.
+        `by` are the numbers of parameters to differentiate f by. `surfaces` are other operands to
+        evaluate; the first `jumps` of them are differentiated, too. The table begins with `kept`.
         """
         D, fixed, of_f = len(results), values.fixed, [*values.operations]
         self.D, self.P, self.products = D, P, products_in(of_f)
@@ -203,9 +195,9 @@ class RightHandSide:
 def _signs_of_poles(values, f, quotients):
     """Return numbers of values that change sign at poles of quotients (number, dividend, divisor).
 
-    Each quotient has two values: the divisor if the dividend is positive, else 0; and the divisor
-    if the dividend is negative, else 0. So 0 / 0 is no pole. If the result of f does not depend on
-    the quotient (`_taken`), both values are 0. They are added to the `Expressions` `values`.
+    Each quotient adds two values to `values`: the divisor if the dividend is positive, else 0; and
+    the divisor if the dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where the
+    results of the `Program` f do not depend on the quotient (`_taken`).
     """
     emit, is_taken, signs = values.emit, _taken(values, f), []
     for number, a, b in quotients:
@@ -218,9 +210,9 @@ def _signs_of_poles(values, f, quotients):
 def _taken(values, f):
     """Return {number of a value: operand of the truth value that results of f depend on it}.
 
-    f is a `Program` in the `Expressions` `values`. The operand is True if results always depend on
-    the value. Results do not depend on it where `select` chooses another value, or where the other
-    factor of a product is 0; such a factor is a `select`, or depends on parameters alone.
+    Results do not depend on a value where `select` chooses another one, or where the other factor
+    of a product is 0; such a factor is a `select`, or depends on parameters alone. True stands for
+    always.
     """
     emit, is_taken = values.emit, {a: True for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):

@@ -38,9 +38,8 @@ SLOT = ColumnOffsets(*range(len(ColumnOffsets._fields)))
 class Sparse:
     """The plan of elimination in A = 1 - s J = L D U, as arrays that machine code reads.
 
-    J has entries at `places` (i, j). `order` has the unknowns in the order of pivots, and `fill` is
-    the pattern of A after elimination, from `filled`. Rows and columns are numbered in the order of
-    pivots, except in `lower` and `upper`. A span is a run of consecutive rows in a column.
+    J has entries at `places` (i, j), and `fill` is from `filled`. Rows and columns are numbered in
+    the order of pivots, except in `lower` and `upper`.
 
     order        (D,) the unknowns in the order of pivots
     offsets      (D + 1, 6) `ColumnOffsets` of each column
@@ -95,7 +94,7 @@ def _below_and_above(sets):
 
 
 def _spans(columns, rows):
-    """Return an array (3, n): column, first row and row count of each span, a run of rows.
+    """Return an array (3, n): column, first row and number of rows of each span.
 
     `columns` and `rows` are places of entries in order; gaps of less than NEAR rows are included.
     """

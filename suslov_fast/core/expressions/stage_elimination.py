@@ -15,8 +15,7 @@ class Elimination:
               are the inverse pivots, and the numbers below and above the diagonal
     solution  `Program` that reads these results and g (D); its results are v (D)
 
-    `pattern` are the places (i, j) of J, `order` are the unknowns in the order of pivots, and
-    `fill` is the pattern of A after elimination in this order, from `filled`.
+    `order` has the unknowns in the order of pivots, and `fill` is from `filled`.
     """
 
     def __init__(self, pattern, order, fill):
@@ -37,10 +36,7 @@ class Elimination:
 
 
 class _Products(Values):
-    """Values that write a sum of products as single products and additions, not as one "sum".
-
-    So machine code can be divided into blocks of few operations, which LLVM compiles faster.
-    """
+    """Values that write each sum as products and additions: LLVM compiles short blocks of them."""
 
     def total_of(self, start, factors):
         return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
@@ -59,7 +55,7 @@ class _Scaled:
 
 
 def operations_of(fill):
-    """Return about how many operations the factors take; `fill` is a pattern made by `filled`."""
+    """Return about how many operations the factors take; `fill` is from `filled`."""
     count = 0
     for k, (row, column) in enumerate(zip(*fill, strict=True)):
         later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()

@@ -20,8 +20,7 @@ def aim_of(f, surfaces, is_implicit):
     """Return the `Program` that finds when `surfaces` of f and of its events are crossed.
 
     The program reads the state, f times the sign of time, sides and levels of the surfaces of
-    events (see `flow.memory`), and the table of f. `is_implicit` is True for ends of implicit
-    steps. Its results are
+    events (see `flow.memory`), and the table of f. Its results are
 
     1. the least time to a surface, negative if the state is just beyond it,
     2. the longest time since a crossing: 0 without a crossing, infinity if the rate leads back or

@@ -1,7 +1,6 @@
 """Elimination in the matrix 1 - N of a step, planned on its pattern of zeros.
 
-`core.maps.kahan_step` has the equations. Here values are represented by their numbers, and 0 by
-None.
+`core.maps.kahan_step` has the equations. Operands here may be None, which stands for 0.
 """
 
 from collections import defaultdict
@@ -102,8 +101,8 @@ class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
     `matrix` is a `Matrix`, or has its methods. `order` has the unknowns in the order of pivots, and
-    `fill` is the result of `filled`: the places of entries. If `right` is given, it is an empty
-    dict: elimination fills it with the right sides g_k after elimination.
+    `fill` is from `filled`. If the dict `right` is given, it gets the right sides g_k after
+    elimination.
 
     diagonal, original   N_kk after and before elimination
     pivot, inverse       1 - N_kk after elimination, and its inverse; missing if N_kk is 0
@@ -148,10 +147,7 @@ class Factors:
                     row[j] += (lower, upper)
 
     def forward(self, k, start, right):
-        """Return the operand of g_k = start + sum_i m_ki g_i, the right side k after elimination.
-
-        The sum is over earlier pivots i. `right` is {i: g_i}, `start` the right side at first.
-        """
+        """Return g_k = start + sum_i m_ki g_i over earlier pivots i; `right` is {i: g_i}."""
         products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
         return self.values.total(start, products)
 
@@ -239,10 +235,10 @@ def bits_of(number):
 
 
 def filled(pattern, order):
-    """Return two lists: a set of columns for each row, and a set of rows for each column.
+    """Return the entries after elimination: columns of each row, and rows of each column, as bits.
 
-    The sets have the entries after elimination: `pattern`, places (i, j), and fill-in. Rows and
-    columns are places in `order`, the unknowns in the order of pivots. A set is an integer's bits.
+    `pattern` has places (i, j). Rows and columns are numbered by their places in `order`, the
+    unknowns in the order of pivots.
     """
     place, D = {k: n for n, k in enumerate(order)}, len(order)
     rows, columns = [0] * D, [0] * D
@@ -259,10 +255,7 @@ def filled(pattern, order):
 
 
 def before_and_after(order, fill):
-    """Return two dicts {row: its columns with entries}: columns of earlier, and of later pivots.
-
-    `order` has the unknowns in the order of pivots, and `fill` is the result of `filled` for it.
-    """
+    """Return {row: columns of earlier pivots} and {row: columns of later pivots} of entries."""
     before, after = {}, {}
     for k, columns in enumerate(fill[0]):
         places = [*bits_of(columns)]
@@ -274,8 +267,8 @@ def before_and_after(order, fill):
 def work_of(order, fill, varying):
     """Return the number of products in elimination, and of products that depend on the state.
 
-    `order` has the unknowns in the order of pivots, and `fill` is the result of `filled` for it.
-    `varying` are the places (i, j) of entries that depend on the state.
+    `fill` is from `filled`, and `varying` has the places (i, j) of entries that depend on the
+    state.
     """
     place, count, of_state = {k: n for n, k in enumerate(order)}, 0, 0
     rows = [0] * len(order)

@@ -85,10 +85,7 @@ def smaller(a, b):
 
 
 def joined(instruction, numbers):
-    """Return the sum of `Number`s by "fadd", their maximum by "max", or similar (`instruction`).
-
-    Neighbours are joined in pairs, then the results in pairs, and so on, without long chains.
-    """
+    """Return `numbers` joined by an instruction such as "fadd", in pairs: without long chains."""
     numbers = [*numbers]
     while len(numbers) > 1:
         left = numbers[len(numbers) & ~1 :]

@@ -18,12 +18,9 @@ _OF_X = (
 class Variational(RightHandSide):
     """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
 
-    A column has D components. The last q columns are derivatives by the parameters `by` of f, times
-    scales: v' = f'(x) v + scale df/dp. The parameters are the table of f, then the scales. u and s
-    exist if `has_trace`; s / u is the integral of trace f', and u is the size of the columns.
-
-    of       the right-hand side of x
-    columns  how many columns there are
+    The last q columns are derivatives by the parameters `by` of f, times scales: v' = f'(x) v +
+    scale df/dp. The parameters are the table of f, then the scales. u and s exist if `has_trace`; s
+    / u is the integral of trace f', and u is the size of the columns.
     """
 
     of = None

@@ -1,8 +1,7 @@
 """The machine code that LLVM makes of texts, see `llvm.text`.
 
 LLVM forms no FMA and keeps the order of operations. Compiling takes 0.3 to 0.5 ms an operation.
-Machine code stays as long as its `Address`. Addresses in the text are integers, because versions of
-LLVM write the types of pointers differently.
+Machine code stays as long as its `Address`.
 """
 
 import ctypes
@@ -41,10 +40,9 @@ free_in_children(_lock)
 
 
 def code_of(text_of, step, W=1, *options, lasts=False):
-    """Return the `Address` of the machine code of `text_of(step, name, W, *options)` for W lanes.
+    """Return the `Address` of the code of `text_of(step, name, W, *options)`, cached by `step.key`.
 
-    `text_of` writes the text of the function `name` for a step of a map; `step.key` identifies the
-    step. The code is cached. If `lasts` is true, it stays until the process ends.
+    `text_of` writes the text of the function `name` for a step of a map in W lanes.
     """
     key = text_of, step.key, W, *options
     level = 0 if step.is_long else 2
@@ -54,8 +52,7 @@ def code_of(text_of, step, W=1, *options, lasts=False):
 def compiled(key, text_of, level=2, lasts=False):
     """Return the `Address` of the function in the text `text_of(name)`, cached by `key`.
 
-    text_of(name) writes a function of this name. `level` is LLVM's optimisation level. If `lasts`
-    is true, the code stays until the process ends.
+    `level` is LLVM's optimisation level. If `lasts`, the code stays until the process ends.
     """
     key = key, level, lasts
     with _lock:

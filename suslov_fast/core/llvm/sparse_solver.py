@@ -1,7 +1,4 @@
-"""Machine code of elimination in a sparse matrix, for any plan (`sparse_elimination`).
-
-A single lane takes AT_ONCE rows of a span at once; the bits are the same.
-"""
+"""Machine code of elimination in a sparse matrix, for any plan (`sparse_elimination`)."""
 
 from types import SimpleNamespace
 
@@ -13,10 +10,7 @@ AT_ONCE = 4
 
 
 def _parts(text, plan, *names):
-    """Add the arrays `names` of a `Sparse` plan to `text`; return an object with their addresses.
-
-    Its other attributes are counts: D, `entries` of J, `of_lower` of L, and `of_upper` of U.
-    """
+    """Return an object with addresses of the arrays `names` of a plan, and counts of numbers."""
     counted = {
         "D": plan.order,
         "entries": plan.rows,
@@ -42,11 +36,11 @@ def _offsets(text, parts, j):
 
 
 def _along(text, parts, begin, end, row_0, numbers=0):
-    """Add loops to `text` over the rows in the spans begin, ..., end - 1; a span is a run of rows.
+    """Add loops to `text` over the rows of the spans begin, ..., end - 1.
 
     Yield the text for a loop's body, the address of a row in a column, and the address of the row's
     number in L or U. `row_0` is the address of row 0, and `numbers` of the first number. If W is 1,
-    one loop takes AT_ONCE rows as lanes of a wider text. `parts` is the result of `_parts`.
+    one loop takes AT_ONCE rows as lanes of a wider text; the bits are the same.
     """
     inner = Code(max(text.W, AT_ONCE), text)
     size = text.size

@@ -28,7 +28,7 @@ AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, if there are MANY
 
 # -------------------------------------------------------------------------------------- the names
 class _Name:
-    """A named value in a text. `str()` is its name, so that it may stand in any instruction."""
+    """A named value in a text. `str()` is the name, so that it may stand in any instruction."""
 
     __array_ufunc__ = None  # numbers of NumPy leave their operators to this class
     __bool__ = None  # `if` is an error, because there are no values yet: write `when` or `select`
@@ -226,7 +226,7 @@ class Integers(Shared):
 
 
 class Intervals:
-    """Intervals of a `Table` as constants in `text`: rows of low ends, high ends, heights, slopes.
+    """Intervals of a `Table` as constants: rows of low ends, high ends, heights and slopes.
 
     The four rows are `bytes` apart; inf fills each row up to 2**n numbers.
     """
@@ -606,9 +606,9 @@ class Code:
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
 
     def carry_out(self, operations, values, load):
-        """Add `operations` (instruction, number of the value, operands); `values` gets the results.
+        """Add `operations` to the text; `values`, {number of a value: name}, gets their results.
 
-        `values` is {number: name}; load(number) returns the name of a value that it lacks.
+        load(number) returns the name of a value that `values` lacks.
         """
         M = self.M
         for instruction, number, operands in operations:

@@ -43,15 +43,14 @@ def pick(parameter, i):
 def alignment(out, begin, batch, lanes):
     """Return `lead`, `shift` and `shared`, which align blocks that write to `out` with cache lines.
 
-    A row of `out` has two numbers for each of `batch` trajectories. A block writes `lanes`
-    trajectories of a row, and the first block starts at trajectory `begin`. If two blocks write to
-    one cache line, the line is read first, which doubles the time.
+    A row of `out` has two numbers for each of `batch` trajectories, and a block writes `lanes` of
+    them, the first from trajectory `begin` on. If two blocks write parts of one line, the processor
+    reads it first, which doubles the time.
 
-    lead     how many numbers of `out` are before its first cache line, -1 if `out` is small
-    shift    by how many trajectories the first block must be shorter, so that later blocks start
-             at a line (large NumPy arrays start 16 bytes after a line)
-    shared   how many trajectories a block has in common with the next block, so that one of them
-             writes each line whole: LINE if rows start at different places within lines, else 0
+    lead     the numbers of `out` before its first line, -1 if `out` is small
+    shift    the trajectories that the first block lacks, so that later blocks start at a line
+    shared   the trajectories that a block and the next one both compute, so that one of them writes
+             each line whole: LINE if rows start at different places within lines, else 0
     """
     lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
     in_lines = lead >= 0 and lead % 2 == 0 and batch > lanes > 1
@@ -70,11 +69,9 @@ def store_rows(b, row, flat, place, count):
 def write_pairs(b, row, flat, place, count, lead, after, before):
     """Interleave b[row, :count] and b[row + 1, :count] into flat[place : place + 2 * count].
 
-    Whole cache lines are written past the caches, unless `lead` is -1. `lead` is how many numbers
-    of `flat` are before its first cache line. The number of lanes, b.shape[1], is a constant. Two
-    blocks may share LINE pairs. `after` is True if the block before this one writes the `head`
-    pairs ahead of the first cache line. `before` is True if a block follows. Then a full block
-    leaves its last LINE - head pairs to that block.
+    Whole cache lines are written past the caches, unless `lead` is -1 (see `alignment`). If `after`
+    is True, the block before this one writes the pairs ahead of the first line. If `before` is
+    True, the next block writes the pairs after the last line.
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:

@@ -70,7 +70,8 @@ ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no unit
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)  # the body, eps and state 0
 B1, B2, C1, C2, D12, D22 = range(8, 14)  # coefficients for n >= 0, if eps > 0
 BACK = 6  # from these rows to the coefficients for n < 0
-PASSES, ROOT, R, RATE = range(20, 24)  # the orbit, see `fill_orbit`
+PASSES, ROOT = 20, 21  # 1 for an orbit that passes, else 0; sqrt(|A**2 - k**2|)
+R, RATE = 22, 23  # r if the orbit passes; the result of `rate`
 MISSING = 24  # the sign of those n for which the state is unknown
 TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(25, 31)
 E_, ROOT_A, G1, G2 = range(31, 35)  # e > 0, sqrt(I1 I2), I13 / I1 and I23 / I2
@@ -135,11 +136,10 @@ def difference_of_squares(ell, x, nu, k, X, K):
 
 @formula
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
-    """Fill rows B1 to D22 of lane l: b, c, d12 and d22, the coefficients that `state` uses.
+    """Fill rows of lane l with b, c, d12 and d22, for n >= 0 if `ahead` is 1, for n < 0 if -1.
 
-    `b` is the block. `ahead` is 1 for n >= 0; -1 for n < 0, in the rows from B1 + BACK on. `square`
-    is A**2 - k**2, `root` the root of its modulus, and R2 is R**2. If `passes`, square is positive,
-    d12 = 2 half_d12 and d22 = d22_passes. Otherwise d22 = d22_turns.
+    `square` is A**2 - k**2, and `root` the root of its modulus. If the orbit `passes`, d12 is
+    2 half_d12, and d22 is d22_passes. Otherwise d22 is d22_turns.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
@@ -167,12 +167,7 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
 
 @formula
 def fill_orbit(b, l, is_map):
-    """Fill rows B1 to MISSING of lane l of a block `b`: the orbit from its state 0.
-
-    The rows are coefficients (`fill_coefficients`); PASSES, 1 for an orbit from one steady state to
-    another, else 0; ROOT, sqrt(|A**2 - k**2|); R, (1 - L) / (1 + L), or 1 for the flow; RATE,
-    L = e ROOT, for `rate`; MISSING, the sign of TIMEs without a state. `is_map` is 0 or 1.
-    """
+    """Fill rows B1 to MISSING of lane l for the orbit from its state 0; RATE becomes L = e ROOT."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     g1, g2, e = b[G1, l], b[G2, l], b[E_, l]
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, b[ROOT_A, l], g1, g2, w1, w2)
@@ -227,10 +222,9 @@ def fill_orbit(b, l, is_map):
 
 @formula
 def rate(passes, L, r, is_map):
-    """Return the rate of an orbit per step: log|r| if `passes` is positive, else the angle a.
+    """Return log|r| of an orbit that passes; otherwise the angle a, or a - pi / 2 if L > 1.
 
-    L is e root. If `passes` is positive, r = (1 - L) / (1 + L). Otherwise a = arctan(L), and the
-    result is a - pi / 2 if L > 1. For the flow the results are -2 L and L.
+    L is e root, so that a = arctan(L). For the flow, log r is -2 L, and a is L.
     """
     if is_map == 0.0:
         return -2.0 * L if passes > 0.0 else L
@@ -248,12 +242,7 @@ def has_power(r, n):
 
 @formula
 def pair(n, passes, root, r, rate):
-    """Return rho and sigma of the state at step or time n >= 0; NaN if r**n is not real.
-
-    If `passes` is positive, orbits go from one steady state to another. Then rho = r**n and
-    sigma = (1 - rho) / (2 root), with rate = log|r|. Otherwise rho = cos(n a) and
-    sigma = sin(n a) / root, where `rate` is the angle a or a - pi / 2. root**2 is |A**2 - k**2|.
-    """
+    """Return rho and sigma at step or time n >= 0 by the `rate`; NaN if r**n is not real."""
     t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
         t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
@@ -305,7 +294,7 @@ def adjacent(b, l):
 
 @formula
 def reason(b, l):
-    """Return why lane l of `b` has no state: 0 for no real r**n, 1 for the range, 2 for a pole."""
+    """Return why lane l has no state: 0, 1 or 2, as in `states`."""
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
         return 0
     if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:
@@ -355,8 +344,8 @@ def rescale(b, lanes, is_map):
 def start_orbits(b, first, width, used, omega0, is_map):
     """Fill the first `used` lanes of a block `b` with orbits from the states 0 in `omega0` (B, 2).
 
-    The lanes get trajectories `first` to first + width - 1, again and again. Return True if the
-    states of a lane got a unit (`unit_of`), because then the rows of its body have changed, too.
+    The lanes get trajectories `first` to first + width - 1, again and again. Return True if a lane
+    got a unit (`unit_of`): then rows of its body have changed, and must be filled for other orbits.
     """
     i = first
     for l in range(used):
@@ -383,9 +372,8 @@ def states(part, parts, parameters, omega0, is_map, n, out, reasons):
     is_map       1.0 for the map, 0.0 for the flow (then n are times, and eps is ignored)
     n            (N,), of any sign and in any order
     out          (N, B, 2)
-    reasons      (3, B) bool, set to True where a state is NaN. 0: r has no real power, and n is not
-                 an integer or too large; 1: X, Y or K is above RANGE, or a number out of the range
-                 of float64; 2: the state is directly after a pole, or after 0 / 0
+    reasons      (3, B) bool, set to True where a state is NaN. 0: r**n is not real; 1: X, Y or K is
+                 above RANGE, or a number is out of range; 2: a pole is before the state, or 0 / 0
     """
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     target = array_at(out.ctypes.data, (out.size,), np.float64)

@@ -67,10 +67,9 @@ def terms_at(c, b, i, l):
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Solve the two equations for I.delta and w.delta by Cramer's rule.
+    """Return u and v of the increment delta_i = (u w_i + v I_i) / d_i, by the two equations.
 
-    Return u and v of the increment delta_i = (u w_i + v I_i) / d_i, True if they are accurate, and
-    the determinant. The arguments are numbers of the module's docstring; `square` is |w|**2.
+    Return also True if u and v keep their digits, and the determinant. `square` is |w|**2.
     """
     h = 0.5 * eps
     a11 = 1.0 - h * alpha
@@ -109,12 +108,11 @@ def fill_systems(c, b, a, begin, lanes):
 
 @formula
 def compute_factors(c, b, lanes):
-    """Prepare the increments (b[OF_W] w_i + b[OF_I] I_i) / d_i; c[INVERSE] becomes 1 / d.
+    """Compute 1 / d and the factors of the increments, b[OF_W] and b[OF_I].
 
-    Return how many lanes may have a small d, and how many need elimination for any d. Of M terms i
-    and M/2 + i are added in pairs, which halves the number of stores.
+    Return how many lanes may have a small d, and how many need elimination whatever their d are.
     """
-    pairs = c.shape[1] // 2
+    pairs = c.shape[1] // 2  # sums of pairs of terms halve the number of stores
     for l in range(lanes):
         b[HALF, l] = 0.5 * b[EPS, l] * b[P, l]
         b[ALPHA, l], b[BETA, l], b[GAMMA, l] = 0.0, 0.0, 0.0
@@ -211,8 +209,7 @@ def eliminate_all(c, b, a, lanes):
             b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if the solution is not finite
             b[DET, l] *= select(a[i, i, l] < 0.0, -1.0, 1.0)
     for l in range(lanes):
-        has_failed = np.isnan(c[W, 0, l])
-        is_solved = (b[TO_SOLVE, l] == 0.0) & keeps_digits(b, l) | has_failed
+        is_solved = (b[TO_SOLVE, l] == 0.0) & keeps_digits(b, l) | np.isnan(b[EPS, l])
         b[TO_SOLVE, l] = select(is_solved, 0.0, 1.0)
         to_solve += ~is_solved
     for i in range(m):
@@ -230,55 +227,34 @@ def fill_lane(c, l, J, I, w):
             c[J_, i, l], c[I_, i, l], c[W, i, l] = J[i], I[i], w[i]
 
 
-@inlined
-def end_one(c, b, out, status):
-    """Write the state of lane 0 to `out`; return PASSED_POLE if it passed a pole, else `status`."""
-    for i in range(len(out)):
-        out[i] = c[W, i, 0]
-    return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
-
-
 @function
 def nd_step_of_one(system, state, out, memory):
     """Write the state after `state` to `out`; return its status. `memory` is from `nd_memory`."""
-    c, b, for_solve = memory
-    status = OK
+    c, b, a, for_solve, notes = memory
+    _, status, _ = notes
+    status[0] = OK
     J, I, b[EPS, 0], b[NEAR, 0], _ = system
     fill_lane(c, 0, J, I, state)
-    compute_sums(c, b, 1)
-    near, to_solve = compute_factors(c, b, 1)
-    if near > 0:
-        to_solve += find_small_divisors(c, b, 1)
-    if to_solve > 0:
-        status = eliminate_one(c, b, 0, for_solve)
-    add_increments(c, b, 1)
-    return end_one(c, b, out, status)
-
-
-@function
-def gauss_step_of_one(system, state, out, memory):
-    """Write the state after `state`, by elimination in `memory`, to `out`; return its status."""
-    (c, b, for_solve), a = memory
-    status = OK
-    J, I, b[EPS, 0], b[NEAR, 0], _ = system
-    fill_lane(c, 0, J, I, state)
-    if eliminate_all(c, b, a, 1) > 0 or np.isnan(c[W, 0, 0]):  # as if the lane had failed
-        status = eliminate_one(c, b, 0, for_solve)
-    return end_one(c, b, out, status)
+    step_block(c, b, a, for_solve, 0, 1, 1, notes, 1)
+    for i in range(len(out)):
+        out[i] = c[W, i, 0]
+    return np.int64(status[0])
 
 
 @function
 def nd_memory(system):
     """Return arrays in which `nd_step_of_one` works, for all its calls."""
     m = system.dimension
-    return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
+    notes = np.zeros((1, 1)), np.zeros(1, np.int8), np.zeros(1, np.int64)
+    return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), None, memory_of_one(m), notes
 
 
 @function
 def gauss_memory(system):
-    """Return arrays in which `gauss_step_of_one` works, for all its calls."""
+    """Return what `nd_memory` returns, with a matrix for steps by elimination."""
     m = system.dimension
-    return nd_memory(system), np.empty((m, m + 1, 1))
+    c, b, _, for_solve, notes = nd_memory(system)
+    return c, b, np.empty((m, m + 1, 1)), for_solve, notes
 
 
 class NDSystem(NamedTuple):
@@ -299,32 +275,28 @@ class GaussSystem(NDSystem):
 
 # Functions that `compiled` calls for an `NDSystem`.
 NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
-GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
+GaussSystem.memory = gauss_memory
 
 
 @kernel
 def nd_steps(part, parts, parameters, omega0, span, output):
-    """Iterate part `part` of `parts` of the trajectories, in O(n) a step.
-
-    `parameters` are J, I (1 or B, m) and eps; `omega0` (B, m) is state 0. `carry` (1, B) of the
-    `output` has n of first states past poles, or 0.
-    """
+    """Take part `part` of `parts` of the steps of a `Span`, in O(n) operations a step."""
     parameters, omega0, output = uncounted((parameters, omega0, output))
     iterate_nd(part, parts, parameters, omega0, span, output, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, span, output):
-    """Iterate part `part` of `parts` of the trajectories as `nd_steps`, but by elimination."""
+    """Take steps as `nd_steps` does, but by elimination."""
     parameters, omega0, output = uncounted((parameters, omega0, output))
     iterate_nd(part, parts, parameters, omega0, span, output, True)
 
 
 @inlined
 def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
-    """Do what `nd_steps` does, by elimination unless `by_elimination` is None."""
+    """Take steps as `nd_steps` does; by elimination unless `by_elimination` is None."""
     # None, because Numba removes branches that depend on it.
-    saved, final, carry, _, _ = output
+    saved, final, carry, status, failed_at = output
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lesser(LANES if m <= 24 else LANES // 2, ((last - first or 1) + 7) // 8 * 8)
@@ -332,18 +304,17 @@ def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
     memory = block, rows, memory_of_one(m)
     systems = None if by_elimination is None else empty_at_line((m, m + 1, lanes))
     (c, b, for_solve), a = uncounted(memory), uncounted(systems)
+    notes = carry, status, failed_at
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
         end = lesser(begin + lanes, last)
         row = next_row
         states = omega0 if start == 0 else final
-        start_block(c, b, parameters, states, begin, end, start, output)
-        for k in range(begin, end if start == 0 else begin):
-            carry[0, k] = 0.0
+        start_block(c, b, parameters, states, begin, end, start, notes)
         for n in range(start, stop + 1):
             if n > start:
-                step_block(c, b, a, for_solve, begin, end, n, output, by_elimination)
+                step_block(c, b, a, for_solve, begin, end, n, notes, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
@@ -352,16 +323,15 @@ def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
     keep(systems)
 
 
-@inlined
-def step_block(c, b, a, for_solve, begin, end, n, output, by_elimination):
-    """Take step n of a block (c, b) of trajectories `begin` to end - 1.
+@formula
+def step_block(c, b, a, for_solve, begin, end, n, notes, lanes):
+    """Take step n of a block (c, b) of trajectories `begin` to end - 1; note failures and poles.
 
-    `a` (m, m + 1, lanes) and `for_solve` are memory for elimination, without and with pivoting.
-    The `output` receives failures and poles.
+    The step is by elimination in `a` (m, m + 1, lanes), unless `a` is None.
     """
-    _, _, carry, status, failed_at = output
-    lanes = c.shape[2]
-    if by_elimination is None:
+    carry, status, failed_at = notes
+    if a is None:
+        compute_sums(c, b, lanes)
         near, to_solve = compute_factors(c, b, lanes)
         if near > 0:
             to_solve += find_small_divisors(c, b, lanes)
@@ -378,19 +348,17 @@ def step_block(c, b, a, for_solve, begin, end, n, output, by_elimination):
             status[begin + l] = PASSED_POLE
             failed_at[begin + l] = n
             carry[0, begin + l] = n
-    if by_elimination is None:
+    if a is None:
         add_increments(c, b, lanes)
-        compute_sums(c, b, lanes)
 
 
 @function
-def start_block(c, b, parameters, states, begin, end, start, output):
-    """Fill a block (c, b) with trajectories begin to end - 1; spare lanes repeat the last one.
+def start_block(c, b, parameters, states, begin, end, start, notes):
+    """Fill a block (c, b) with trajectories `begin` to end - 1; spare lanes repeat the last one.
 
-    `parameters` are J, I and eps. `states` (B, m) have the number `start`. If it is 0, states that
-    are not finite have failed at state 0, with the status NONFINITE.
+    `states` (B, m) have the number `start`. State 0 fails if it is not finite.
     """
-    _, _, _, status, failed_at = output
+    carry, status, failed_at = notes
     J, I, eps = parameters
     for l in range(c.shape[2]):
         k = lesser(begin + l, end - 1)
@@ -401,11 +369,12 @@ def start_block(c, b, parameters, states, begin, end, start, output):
             undefined += 0.0 * c[W, i, l]
             smallest = lesser(c[J_, i, l], smallest)
         b[NEAR, l] = (1.0 - FAR_FROM_0) * smallest
-        if start == 0 and np.isnan(undefined):
-            status[k], failed_at[k] = NONFINITE, 0
+        if start == 0:
+            carry[0, k] = 0.0
+            if np.isnan(undefined):
+                status[k], failed_at[k] = NONFINITE, 0
         if status[k] < 0:
             end_lane(c, b, l)
-    compute_sums(c, b, c.shape[2])
 
 
 @inlined
@@ -436,14 +405,13 @@ def nd_steps_side_by_side(parameters, omega0, span, output):
     c[W, :, 0] = select(status < 0, np.nan, c[W, :, 0])
     b[EPS] = select(status < 0, np.nan, eps)
     b[NEAR] = (1.0 - FAR_FROM_0) * c[J_].min(axis=0)
-    compute_sums(c, b, 1)
     for n in range(start, stop + 1):
         if n > start:
+            compute_sums(c, b, 1)
             near, to_solve = compute_factors(c, b, 1)
             if ((near > 0) | (to_solve > 0) | (b[DET, 0] < 0.0)).any():
                 return False
             add_increments(c, b, 1)
-            compute_sums(c, b, 1)
         if every > 0 and n % every == 0 and (n > start or start == 0):
             saved[row] = c[W, :m, 0].T
             row += 1

@@ -112,10 +112,9 @@ def fill_frames(b, lanes, first, width, parameters):
 
 @formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with trajectories at state 0, as `fill_frames` does; return how many are plain.
+    """Fill lanes with states 0, as `fill_frames` does; return how many have the plain form.
 
-    A plain trajectory counts as LANES if `lanes` is 1. `status` and `failed_at` (B,) change for
-    states that are supercritical or not finite.
+    A single lane counts as LANES. States that are supercritical or not finite set their `status`.
     """
     for l in range(lanes):
         i = first + (l if l < width else 0)
@@ -153,10 +152,9 @@ def continue_lanes(b, lanes, first, width, carry):
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take the lanes of a block from state n to state `pause`; `lanes` is a constant, for SIMD.
+    """Take the lanes of a block, of which `plains` have the plain form, from state n to `pause`.
 
-    `plains` is how many lanes have the plain form (X, Y), LANES if all have it. A single lane stops
-    if there is no next state; a test of all lanes would take 1.4 times as long.
+    A single lane stops if there is no next state. Tests of many lanes would take 1.4 times as long.
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):
@@ -185,11 +183,10 @@ def take_steps(b, lanes, plains, n, pause):
 
 @formula
 def finish_lanes(b, alone, plains, first, last, span, output):
-    """Write all of `output` except saved states; return how many trajectories may have failed.
+    """Write the last states, `carry` and failures of trajectories `first` to last - 1.
 
-    The lanes are trajectories `first` to last - 1; `plains` of them have the plain form, LANES if
-    all have it. If `alone` is True, there is one lane, which knows the step at which it failed.
-    Otherwise failed_at becomes TO_FIND where a trajectory may have failed.
+    A lane that is `alone` knows the step at which it failed. Among many lanes, failed_at becomes
+    TO_FIND where a trajectory may have failed. Return how many trajectories these are.
     """
     _, final, carry, status, failed_at = output
     to_find = ZERO
@@ -223,11 +220,10 @@ def finish_lanes(b, alone, plains, first, last, span, output):
 def steps(part, parts, parameters, omega0, span, output):
     """Take part `part` of `parts` of the steps of a `Span`.
 
-    Trajectories that may have failed in a block of lanes are computed again, one by one, to find
-    the step. If its last state is far inside the range, none has failed, because R is conserved.
+    If the last state of a trajectory is far inside the range, no step has failed, because R is
+    conserved. Other trajectories are computed again, one by one, to find the step that failed.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
-    omega0       (B, 2), state 0, read if start = 0
     output       an `Output`; `carry` has CARRIED rows
     """
     parameters, omega0, output = uncounted(parameters), uncounted(omega0), uncounted(output)

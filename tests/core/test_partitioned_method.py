@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import kepler, rates_of_henon_heiles
+from systems import kepler, pendulum, rates_of_henon_heiles
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions.partitioned import sets_of
@@ -64,10 +64,6 @@ def test_the_order_is_ten():
         assert run.steps.max() <= 12.0 / h + 6
         errors.append(np.median(abs(run.states[-1] - right).max(axis=-1)))
     assert 9.0 < np.log2(errors[0] / errors[1]) < 12.0
-
-
-def pendulum(s):
-    return s[1], -np.sin(s[0])
 
 
 def toda(s):

@@ -110,15 +110,6 @@ def test_results_of_events():
         changes.derivatives["k"]
 
 
-def test_no_trajectories_and_no_times():
-    nobody = flow(PK, np.zeros((0, 2)), time=[1.0, 2.0], events=[DOSES, Event("gut")])
-    assert nobody.states.shape == (2, 0, 2)
-    assert nobody.events.count.shape == (0, 2)
-    never = flow(PK, [0.0, 0.0], time=[], events=DOSES)
-    assert (never.states.shape, len(never.events.states)) == ((0, 2), 0)
-    assert never.events.count.tolist() == [0]
-
-
 def test_times_broadcast_with_the_batch():
     """Times of each trajectory make a batch, as states and parameters do."""
     times = np.array([[1.0, np.nan], [1.0, 2.0], [3.0, 5.0]])

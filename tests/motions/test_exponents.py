@@ -156,15 +156,6 @@ def test_motion_of_lorenz(rng):
         assert (alone == found[k]).all()
 
 
-def test_motion_along_a_direction_that_is_the_slowest_at_the_start_alone():
-    """No other one reaches it, so it would keep a column of its own for a long time."""
-    field = sf.Field(lambda s: (-0.5 * s[0], 1.0, -(1 + 2 * np.cos(s[1])) * s[2]),
-                                   "y t x")  # fmt: skip
-    times = {"time": 32 * np.pi, "transient": 8 * np.pi}
-    found = sf.lyapunov_exponents(field, [1.0, 3.0, 1.0], **times)
-    np.testing.assert_allclose(found, [-0.5, -1.0], atol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("f", "exact"),
     [
@@ -203,18 +194,6 @@ def test_motion_of_families_that_progress_stops():
     assert np.isnan(found).all(axis=1).tolist() == [False, True]
 
 
-@pytest.mark.parametrize(("rate", "time"), [(2.0, 2000.0), (1000.0, 100.0)])
-def test_motion_to_an_equilibrium(rate, time):
-    """Tangent vectors become shorter than the tolerance, and states than the least number."""
-
-    def falling(x):
-        return -x[0], np.sin(x[0]) - rate * x[1]
-
-    field = sf.Field(falling, 2)
-    found = sf.lyapunov_exponents(field, [1.0, 0.5], time=time, transient=10.0, rtol=1e-6)
-    np.testing.assert_allclose(found, [-1.0, -rate], atol=1e-5)
-
-
 TURN = np.linalg.qr(np.cos(np.arange(64.0) ** 2).reshape(8, 8))[0]
 APART = [-1.0, -3.0, -30.0, -100.0, -300.0, -1e3, -1e4, -3e4]
 
@@ -247,48 +226,59 @@ def test_motion_with_directions_that_decay_fast(f, exact):
 # ---------------------------------------------------------------------- with changes of the state
 A = np.array([[-0.3, 1.0], [-1.0, -0.1]])
 KICK = np.array([[1.5, 0.2], [0.7, -0.4]])
-LINEAR = sf.Field(lambda x: A @ x, "x y")
 KICKS = {"times": np.arange(0.0, 81.0)}
+OF_KICKS = np.sort(np.log(abs(np.linalg.eigvals(KICK @ expm(A)))))[::-1]
+E = np.array([0.5, 0.9, 1.0])  # the part of its speed that an oscillator keeps at a wall
+# f, starts, an event, a time and a transient, exponents and the digits of their error.
+KNOWN = {
+    # No other direction reaches it, so it would keep a column of its own for a long time.
+    "a direction that is the slowest at the start alone": (
+        lambda s: (-0.5 * s[0], 1.0, -(1 + 2 * np.cos(s[1])) * s[2]), [1.0, 3.0, 1.0], (),
+        32 * np.pi, 8 * np.pi, [-0.5, -1.0], 5,
+    ),
+    # Tangent vectors become shorter than the tolerance, and states than the least number.
+    **{
+        f"to an equilibrium at the rate {r}": (
+            lambda x, r=r: (-x[0], np.sin(x[0]) - r * x[1]), [1.0, 0.5], (), T, 10.0, [-1, -r], 5,
+        )
+        for r, T in ((2.0, 2000.0), (1000.0, 100.0))
+    },
+    "kicks at times": (
+        lambda x: A @ x, [[1.0, 0.5], [0.2, -1.0]], sf.Event(**KICKS, to=lambda x: KICK @ x),
+        50.0, 30.0, [OF_KICKS] * 2, 7,
+    ),
+    "a direction that is taken away": (
+        lambda x: A @ x, [1.0, 0.5], sf.Event(**KICKS, to=("x1/2", "0")), 40.0, 5.0,
+        [np.log(expm(A)[0, 0] / 2), -np.inf], 6,
+    ),
+    "both directions": (
+        lambda x: A @ x, [1.0, 0.5], sf.Event(**KICKS, to=("0", "0")), 40.0, 5.0, [-np.inf] * 2, 6,
+    ),
+    "a wall that takes all speed": (
+        lambda x: (x[1], -0.1 * x[1]), [-1.0, 1.0], sf.Event("x1", to=("x1", 0)), 10.0, 0,
+        [-np.inf] * 2, 6,
+    ),
+    # It meets the wall at multiples of half the time of a turn.
+    **{
+        f"an impact oscillator, {way}": (
+            lambda x, e: (x[1], -x[0]), [1.0, 0.0],
+            sf.Event("x1", direction=way, to=lambda x, e: (x[0], -e * x[1])),
+            16 * np.pi, 2 * np.pi, np.outer(np.log(E) / np.pi, [1, 1]), 8,
+        )
+        for way in ("both", "down")
+    },
+    "a logistic map": (
+        lambda x: (0.0 * x[0],), [[0.3], [0.4]],
+        sf.Event(times=np.arange(1.0, 3001.0), to=lambda x: (4 * x[0] * (1 - x[0]),)), 3000.5, 0,
+        np.log(2.0), 2.7,
+    ),
+}  # fmt: skip
 
 
-def test_motion_with_kicks_at_times():
-    """The logarithms of the eigenvalues of what a period does."""
-    change = sf.Event(**KICKS, to=lambda x: KICK @ x)
-    right = np.sort(np.log(abs(np.linalg.eigvals(KICK @ expm(A)))))[::-1]
-    times = {"time": 50.0, "transient": 30.0}
-    found = sf.lyapunov_exponents(LINEAR, [[1.0, 0.5], [0.2, -1.0]], events=change, **times)
-    np.testing.assert_allclose(found, [right, right], atol=1e-7)
-
-
-@pytest.mark.parametrize("last", ["x/2", "0"])
-def test_motion_with_changes_that_take_a_direction_away(last):
-    change = sf.Event(**KICKS, to=(last, "0"))
-    found = sf.lyapunov_exponents(LINEAR, [1.0, 0.5], time=40.0, transient=5.0, events=change)
-    first = -np.inf if last == "0" else np.log(expm(A)[0, 0] / 2)
-    np.testing.assert_allclose(found, [first, -np.inf], rtol=1e-6)
-
-
-def test_a_wall_that_takes_all_speed():
-    field = sf.Field(lambda x: (x[1], -0.1 * x[1]), "x v")
-    wall = sf.Event("x", to=("x", 0))
-    found = sf.lyapunov_exponents(field, [-1.0, 1.0], time=10.0, events=wall)
-    assert found.tolist() == [-np.inf, -np.inf]
-
-
-@pytest.mark.parametrize("direction", [0, -1])
-def test_motion_of_an_impact_oscillator(direction):
-    """It meets the wall at multiples of half the time of a turn, and keeps e of its speed."""
-    e = np.array([0.5, 0.9, 1.0])
-    field = sf.Field(lambda x, e: (x[1], -x[0]), "x v", e=e)
-    wall = sf.Event("x", direction=direction, to=lambda x, e: (x[0], -e * x[1]))
-    times = {"time": 16 * np.pi, "transient": 2 * np.pi}
-    found = sf.lyapunov_exponents(field, [1.0, 0.0], events=wall, **times)
-    np.testing.assert_allclose(found, np.log(e)[:, np.newaxis] / np.pi * [1, 1], atol=1e-8)
-
-
-def test_a_logistic_map_made_by_changes_alone():
-    still = sf.Field(lambda x: (0.0 * x[0],), 1)
-    times = np.arange(1.0, 3001.0)
-    logistic = sf.Event(times=times, to=lambda x: (4 * x[0] * (1 - x[0]),))
-    found = sf.lyapunov_exponents(still, [[0.3], [0.4]], time=3000.5, events=logistic)
-    np.testing.assert_allclose(found, np.log(2.0), atol=2e-3)
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_exponents_of_motions(name):
+    f, x0, event, time, transient, exact, digits = KNOWN[name]
+    given = {"e": E} if "impact" in name else {}
+    field = sf.Field(f, np.shape(x0)[-1], **given)
+    found = sf.lyapunov_exponents(field, x0, time=time, transient=transient, events=event)
+    np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), rtol=0, atol=10**-digits)

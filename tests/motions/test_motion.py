@@ -142,15 +142,19 @@ def test_many_times_do_not_shorten_steps(rng):
 
 
 def test_empty_and_trivial_calls():
-    assert flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[]).states.shape == (0, 4)
-    empty = flow(HENON_HEILES, np.empty((0, 4)), time=[1.0])
-    assert empty.states.shape == (1, 0, 4)
+    events = [sf.Event("x1"), sf.Event(times=[0.5, 1.0])]
+    never = flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[], events=events)
+    assert (never.states.shape, never.events.count.tolist()) == ((0, 4), [0, 0])
+    empty = flow(HENON_HEILES, np.empty((0, 4)), time=[1.0, 2.0], events=events)
+    assert (empty.states.shape, empty.events.count.shape) == ((2, 0, 4), (0, 2))
     assert empty.ok.all()
     nobody = FRICTION.with_parameters(mu=[])
     assert flow(nobody, [1.0, 0.0], time=[1.0, 2.0]).states.shape == (2, 0, 2)
     none = sf.crossings(HENON_HEILES, np.empty((0, 4)), surface="x1", time=1.0, most=2)
     assert (none.states.shape, none.final.shape) == ((0, 4), (0, 4))
     assert (at(LORENZ, [0.0, 0.0, 0.0], 1e300) == 0.0).all()
+    tripled = sf.Event(times=[0, 0], to=lambda x: (3 * x[0],))
+    assert flow(SQUARE, [1.0], time=[0.0], events=tripled).states == 9.0
     nothing = flow(SQUARE, [[1.0], [np.nan]], time=[0.0])
     assert nothing.status.tolist() == [Status.OK, Status.NONFINITE]
     assert nothing.steps.tolist() == [0, 0]

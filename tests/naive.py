@@ -228,15 +228,13 @@ def dsn(J, I, eps, omega, following):
     ]
 
 
-def step_nd(J, I, eps, omega):
-    J, I, (eps,) = exactly(*J), exactly(*I), exactly(eps)
-    return solve_affine(lambda v: dsn(J, I, eps, omega, v), len(J))
+def step_nd(J, I, eps, omega, number=mpf):
+    """The next state; None at a pole, if numbers are fractions."""
+    J, I, omega = ([*map(number, each)] for each in (J, I, omega))
+    return solve_affine(lambda v: dsn(J, I, number(eps), omega, v), len(J), number)
 
 
-def rational_step_nd(J, I, eps, omega):
-    """The next state in fractions; None at a pole."""
-    J, I, omega = ([*map(Fraction, each)] for each in (J, I, omega))
-    return solve_affine(lambda v: dsn(J, I, Fraction(eps), omega, v), len(J), Fraction)
+rational_step_nd = partial(step_nd, number=Fraction)
 
 
 def parts_by_eigenvalue(J, I, omega):

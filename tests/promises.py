@@ -173,7 +173,6 @@ def part(body, index, batch):
 
 
 def same(first, second):
-    """Compare bit for bit."""
     for one, other in zip(first, second, strict=True):
         assert one.shape == other.shape
         np.testing.assert_array_equal(one, other)

@@ -204,7 +204,6 @@ def test_rotations_belong_to_members_and_their_copies(rng):
 
 
 def test_members_of_a_family_with_and_without_rotors(rng):
-    """Each member has the values of the body alone."""
     family, x = Suslov3D(4, 1, -0.5, -0.3, [0.0, 0.7]), rng.normal(size=2)
     for value in (
         lambda body: body(x),

@@ -158,7 +158,6 @@ class STEP:
 @pytest.mark.parametrize("W", [1, 8])
 @pytest.mark.parametrize("name", [*ELEMENTARY, *OF_LIBRARY])
 def test_machine_code_has_the_bits_of_numpy(rng, name, W):
-    """Of arguments of all sizes side by side, with special values among them."""
     count = 2 if name in ("pow", "hypot", "logaddexp", "atan2") else 1
     n = 2304
     given = of_size(rng, -3, 3, (count, n)) * rng.choice([1.0, 1e-300, 1e5, 1e300], (count, n))

@@ -70,12 +70,10 @@ def test_where_llvm_refuses_the_code(call, monkeypatch, anew):
 WITHOUT_JIT = """
 import warnings
 import numpy as np, suslov_fast as sf
+from systems import LORENZ as field
 warnings.simplefilter("ignore")
 def bits():
     x0 = np.random.default_rng(1).normal(size=(9, 3)) * np.geomspace(1.0, 300.0, 9)[:, None]
-    field = sf.Field(
-        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]), 3
-    )
     q = np.random.default_rng(2).normal(size=(12, 12, 12)) / 80
     dense = sf.Field.from_terms(q, -np.eye(12))
     run = sf.iterate(field, x0, 1.5, 9)  # with steps by `solve`

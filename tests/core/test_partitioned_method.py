@@ -42,7 +42,6 @@ GRAGG = {
 
 
 def test_which_fields_have_sets():
-    """Others have the columns of Gragg's rule."""
     for f, where in SETS.values():
         first, second = sets(Field(f, len(where)))
         assert [i for i, kind in enumerate(where) if kind in "q+"] == first
@@ -56,7 +55,6 @@ STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
 
 
 def test_the_order_is_ten():
-    """Ten: with half the steps of one length the error is 1,024 times as large."""
     field, errors = Field(rates_of_henon_heiles, 4), []
     right = flow(field, STATES, time=12.0, rtol=1e-13).states[-1]
     for h in (0.8, 0.4):
@@ -89,7 +87,6 @@ PROBLEMS = {
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_errors_beside_those_of_gragg(name):
-    """At the end, and at times inside steps; with as many steps, forward and backward."""
     f, x0 = PROBLEMS[name]
     D, times = x0.shape[1], np.linspace(0.1, 8.0, 47)
     # The first rate has a term 0 of its own variable, so that there are no sets.

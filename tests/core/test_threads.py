@@ -170,7 +170,6 @@ def test_ctrl_c_at_each_place_of_a_call_in_parts():
 
 
 def test_motions_take_the_threads_asked_for(monkeypatch):
-    """And not one for each block of trajectories."""
     started, start = [], core_threads.start_new_thread
     monkeypatch.setattr(
         core_threads, "start_new_thread", lambda *own: started.append(own) or start(*own)

@@ -84,7 +84,6 @@ def moved_by(system, x):
 
 @each
 def test_values_and_derivatives(system):
-    """They broadcast; derivatives are those of differences, and NaN gives NaN."""
     field, x = field_of(system), states(system, 4, *np.ones_like(system.shape))
     values = field(x)
     assert values.shape == (4, *system.shape, system.dimension)
@@ -128,7 +127,6 @@ def test_others_are_not_equal(system):
 
 @each_batch
 def test_members(system):
-    """They are those of slices, iteration and values, and move with the bits of the family."""
     members = list(system)
     assert len(members) == len(system) == system.shape[0]
     assert system[:] == system

@@ -58,7 +58,6 @@ def test_mechanisms_beside_scipy(name):
 
 
 def test_families_by_parameters_of_both_functions():
-    """Each function takes the parameters that it names; some may be those of M alone."""
     field = Field(
         lambda x, k: (x[1], -k * x[0]),
         "q v",

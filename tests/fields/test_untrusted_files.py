@@ -20,7 +20,6 @@ PRIMES = [p for p in range(3, 3000) if all(p % q for q in range(2, int(p**0.5) +
 
 
 def nested(depth):
-    """Return a list in so many lists."""
     value = 1.0
     for _ in range(depth):
         value = [value]

@@ -69,44 +69,6 @@ def test_the_integral_of_a_qrt_map_is_found_and_proved(seed):
     assert before == after
 
 
-def test_a_generic_qrt_map_has_quadratic_growth():
-    A, B = [[1, 0, 2], [-1, 3, 1], [0, 2, -2]], [[2, 1, 0], [1, -1, 3], [1, 1, -3]]
-    found = report(qrt(A, B), degree=4)
-    assert (found.growth.kind, found.proved_entropy, found.finished) == ("quadratic", 0.0, True)
-    assert [f.basis for f in found.integrals] == [IDENTITY]
-
-
-def symmetric(a, b, c, d, e, f):
-    return [[a, b, c], [b, d, e], [c, e, f]]
-
-
-@pytest.mark.slow
-def test_the_symmetric_qrt_map_of_twelve_letters():
-    numbers = dict(zip("abcdefpqrsuv", (3, 1, -2, 5, 4, 7, 2, -1, 6, -3, 1, 8), strict=True))
-
-    def forward(x, a):
-        return x[1], other_root(x[0], x[1], symmetric(*a[:6]), symmetric(*a[6:]))
-
-    def backward(x, a):
-        return other_root(x[1], x[0], symmetric(*a[:6]), symmetric(*a[6:])), x[0]
-
-    maps = [
-        Map(lambda x, of=f, **a: of(x, [*a.values()]), "x y", **numbers)
-        for f in (forward, backward)
-    ]
-    found = report(rational_map(*maps, letters=" ".join(numbers)), degree=4)
-    (integral,) = found.integrals
-    growth = found.growth.kind
-    assert (integral.basis, growth, found.proved_entropy) == (IDENTITY, "quadratic", 0.0)
-    for shift in (1, 2):
-        at = {name: F(a + shift, 3) for name, a in numbers.items()}
-        x = F(2, 7), F(-5, 3)
-        y = forward(x, [*at.values()])
-        assert integral(x, **at) == integral(y, **at)
-        P, Q = (symmetric(*[*at.values()][k : k + 6]) for k in (0, 6))
-        assert len({biquadratic(P, *z) / biquadratic(Q, *z) for z in (x, y)}) == 1
-
-
 # Three-dimensional QRT maps (Alonso, Suris and Wei 2023): each involution goes along a generator of
 # x1 x2 = lambda x3 to its second point on a quadric P_0 = mu P_1.
 def P_0(x, h=1):

@@ -403,7 +403,6 @@ def test_a_map_without_inverse_and_no_map():
     ],
 )
 def test_degenerate_step_sizes(field, eps):
-    """They raise an error; others, and a symbolic eps, do not."""
     with pytest.raises(ArithmeticError, match=f"eps={eps}"):
         report(field, eps=eps)
     assert report(field, degree=1).finished
@@ -544,7 +543,6 @@ def test_a_hamiltonian_that_was_not_given():
     ],
 )
 def test_reversing_symmetries(field, symmetries):
-    """They take the map to its inverse."""
     found = report(field, eps=EPS, degree=1)
     assert [*map(str, found.symmetries)] == [f"x -> {text}" for text in symmetries]
     assert ("Reversing symmetries: " in repr(found)) == bool(symmetries)
@@ -617,13 +615,6 @@ class Quantity(float):
 def test_bad_input(error, argument, call):
     with pytest.raises(error, match=f"^{argument}"):
         call()
-
-
-def test_the_normal_form_at_a_number():
-    """Of the Suslov body in any basis: energy, and the denominator of the modified energy."""
-    field = Field(lambda x: (x[1] * (2 * x[0] + x[1]) / 16, -x[0] * (2 * x[0] + x[1]) / 8), 2)
-    (integral,) = report(field, eps=F(1, 4), degree=2).integrals
-    assert str(integral) == "(2*x1^2 + x2^2)/(4*x1^2 + 4*x1*x2 + x2^2 + 8192)"
 
 
 def test_functions_along_orbits_are_floats():

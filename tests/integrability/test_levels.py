@@ -103,7 +103,6 @@ CASES = [  # a map, its integrals, the entropy
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(("map", "integrals", "entropy"), CASES)
 def test_entropies_on_the_generic_level(map, integrals, entropy):
-    """They are those that the degrees of the map itself show, and proved."""
     level = on_level(map, integrals or report(map).integrals[: map.dimension - 2])
     found = planar_entropy(level.map)
     assert found.proved, found
@@ -142,7 +141,6 @@ def test_a_level_through_a_point(map, integrals, point):
 
 
 def test_eps_stays_symbolic():
-    """And is the letter of the level through a point."""
     map = kahan(lotka_volterra(1, 2, 3))
     level = on_level(map, [total], point=(1, 2, 4))
     assert (level.map.letter, planar_entropy(level.map).proved) == ("eps", True)

@@ -100,7 +100,6 @@ def test_maps_without_an_entropy():
 
 
 def test_an_integral_proves_entropy_0(monkeypatch):
-    """Without a proof by curves."""
     monkeypatch.setattr(planar, "is_proved", lambda *given: False)
     map = ZOO["Lyness"][0]
     by_curves = planar_entropy(map)
@@ -176,7 +175,6 @@ def check_entropy(map, found):
     ],
 )
 def test_orbits_that_come_to_points_without_an_image_again_and_again(map, entropy):
-    """Degrees of iterates give the entropy, without a proof."""
     found = planar_entropy(map)
     assert (found.entropy, found.proved) == (None, False)
     assert "again and again" in repr(found)

@@ -23,7 +23,6 @@ ND = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
 
 @njit
 def after(system, omega, steps):
-    """States after some steps."""
     out = np.empty(omega.shape)
     for i in range(len(omega)):
         omega1, omega2 = omega[i]

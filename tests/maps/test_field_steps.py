@@ -338,7 +338,6 @@ def test_poles_and_signs_in_large_lattices(rng):
 
 
 def test_large_lattices_on_poles_and_out_of_range(rng):
-    """Without a next state a trajectory ends, and the others go on."""
     n = 20
     near = neighbours(n)
     field = sf.Field(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)

@@ -81,7 +81,6 @@ def test_fractions_are_those_published(method):
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "method"), EACH)
 def test_steps_are_composed(name, method, rng):
-    """To rounding, with step sizes of each orbit, negative ones too."""
     _, field, start, time = FLOWS[name]
     x = np.array(start) + rng.normal(size=(19, field.dimension)) / 8
     eps = np.linspace(-1, 1, 19) * time / 80
@@ -98,7 +97,6 @@ def test_steps_are_composed(name, method, rng):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_multipliers_are_products_over_fractions(method):
-    """The product over the fractions; its limits; those of a family."""
     point = [np.sqrt(72), np.sqrt(72), 27]
     mu = np.linalg.eigvals(2 * (np.eye(3) - sf.kahan.matrix(LORENZ, point, 1.0)))
     for eps in (1 / 64, -1 / 16, 0.3):
@@ -128,7 +126,6 @@ def statuses(field, x, eps, method):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_status_of_sub_steps(method, rng):
-    """At long steps; in a batch and by `compiled`, alike."""
     for field, size, eps in ((LORENZ, 30, 1 / 3), (HENON_HEILES, 30, 1 / 2), (SQUARE, 8, 1 / 2)):
         x = rng.uniform(-size, size, (40, field.dimension))
         run = sf.iterate(field, x, eps, 1, method=method, on_singular="ignore")
@@ -156,7 +153,6 @@ def at_the_pole_of(stage, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_pole_in_a_sub_step(method):
-    """The trajectory ends there, even if it passed a pole before; others do not."""
     for stage in (0, 2, 4):
         starts = [[0.1], [at_the_pole_of(stage, method)], [-0.3]]
         run = sf.iterate(SQUARE, starts, 1.0, 3, method=method, on_singular="ignore")

@@ -93,7 +93,6 @@ def test_values_that_are_no_numbers_make_no_crossing():
 
 @pytest.mark.parametrize("gap", [0.3, 1e-2, 1e-8])
 def test_gaps_without_values_between_two_signs_make_no_crossing(gap):
-    """Neither where a step passes one nor where it ends in one."""
     angles = np.linspace(0.1, 6.1, 40)
     starts = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     starts = starts[abs(starts[:, 0]) > gap]

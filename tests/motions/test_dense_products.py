@@ -131,7 +131,6 @@ def test_derivatives(name, stiff):
 
 
 def test_exponents_of_a_linear_field():
-    """They are the real parts of the eigenvalues."""
     A = (W + W.T) / 2.0 - 2.0 * np.eye(N)
     exponents = sf.lyapunov_exponents(Field(lambda x: A @ x, NAMES), X0[0], time=60.0)
     right = np.sort(np.linalg.eigvalsh(A))[::-1]

@@ -89,7 +89,6 @@ def test_derivatives_beside_a_pole_that_is_not_taken():
     ],
 )
 def test_times_on_a_kink_beyond_which_there_is_no_value(rate, integral, rng):
-    """At the last time, and before it."""
     f = field(lambda s: (rate(s[1]), 1.0))
     starts = [-0.1, *np.round(1 - rng.uniform(0.05, 5.0, 6), 2)]
     for start in starts:

@@ -173,7 +173,6 @@ def test_targets_that_orbits_pass(rtol, rng):
 @pytest.mark.parametrize(("N", "_"), SURVEYS)
 @pytest.mark.parametrize("kind", ["clocks", "angles", "phases"])
 def test_waves_as_surfaces(kind, N, _, rng):
-    """Some 250 periods in the time."""
     w, p = 10 ** rng.uniform(-1, 1.5, N), rng.uniform(0, 6, N)
     b, v = rng.uniform(0, 1, N), 10 ** rng.uniform(-1, 1.5, N)
     b = b * w / v * (kind == "phases")  # phases that grow, faster and slower

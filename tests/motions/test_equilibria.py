@@ -65,7 +65,6 @@ def test_each_state_once():
     ],
 )
 def test_kinds_of_equilibria(matrix, of_motion, of_map):
-    """Of linear systems, by their eigenvalues."""
     D = len(matrix)
     for system, kind in ((sf.Field, of_motion), (sf.Map, of_map)):
         found = equilibria(system(lambda x: np.array(matrix) @ x, D), near=np.ones(D))

@@ -25,7 +25,6 @@ SHARED = Event(
 
 @pytest.mark.parametrize("change", [DOSES, SHARED, Event("gut", terminal=True), Event(times=[])])
 def test_events_as_text(change):
-    """Changes as text are read, compared and traced as they were."""
     text = change.of(PK)
     again = Event.from_dict(json.loads(json.dumps(text.to_dict())))
     assert again == text == pickle.loads(pickle.dumps(text)) == again.of(PK)
@@ -111,7 +110,6 @@ def test_results_of_events():
 
 
 def test_times_broadcast_with_the_batch():
-    """Times of each trajectory make a batch, as states and parameters do."""
     times = np.array([[1.0, np.nan], [1.0, 2.0], [3.0, 5.0]])
     add = {"to": lambda x: (x[0] + 1, x[1])}
     motion = flow(PK, [0.0, 0.0], time=4.0, events=Event(times=times, **add))
@@ -125,7 +123,6 @@ def test_times_broadcast_with_the_batch():
 
 
 def test_a_change_serves_several_systems():
-    """It is traced for the names of each, and `changes` takes one or a list."""
     double = Event(times=1.0, to=lambda x: 2 * x)
     for dimension in (1, 2, 3):
         still = Field(lambda x: 0 * x, dimension)
@@ -147,7 +144,6 @@ def tripled(c):
 
 
 def test_functions_have_the_values_of_names_when_the_change_was_made():
-    """In comprehensions, in loops, and in functions that they call."""
     body = Field(lambda c: (-0.1 * c[0],), "c")
     pairs = [*zip([0, 8, 16], [100, 50, 70], strict=True)]
     doses = [Event(times=[t], to=lambda c: c + a) for t, a in pairs]  # noqa: B023

@@ -18,7 +18,6 @@ ENDING = [name for name, own in SYSTEMS.items() if own.which]
 
 
 def solved(own, **options):
-    """Return the motion of a system."""
     given = {"time": own.time, "events": own.events, "rtol": 1e-10} | options
     return flow(Field(own.f, own.names, **own.parameters), own.start, **given)
 
@@ -98,7 +97,6 @@ def test_directions_of_records(name):
 @pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_alone_as_in_a_batch(name):
-    """With the same bits, also of derivatives, and by two threads."""
     own = SYSTEMS[name]
     by = {"derivatives": ("x0", *own.parameters)} if own.is_smooth else {}
     starts = np.array(own.start) + 0.01 * np.random.default_rng(1).random((40, len(own.start)))

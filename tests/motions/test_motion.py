@@ -28,7 +28,6 @@ def at(field, x, time, **options):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FLOWS)
 def test_motions_beside_taylor_series(name):
-    """Forward and back."""
     f, field, start, time = FLOWS[name]
     end = np.array(by_taylor(f, start, time), float)
     largest = abs(end).max()

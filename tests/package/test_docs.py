@@ -222,7 +222,6 @@ def test_pictures_are_committed_and_drawn_by_a_script():
 @pytest.mark.filterwarnings("ignore:Animation was deleted")
 @pytest.mark.parametrize("name", sorted(script_of("draw").SCRIPTS))
 def test_picture(name):
-    """A script draws pictures of the sizes that are committed."""
     matplotlib.use("Agg")
     script, printed = script_of("draw"), io.StringIO()
     with contextlib.redirect_stdout(printed):

@@ -75,18 +75,15 @@ def motion(system=SMOOTH, x0=(1.0, 0.5), **given):
 
 
 def section(**given):
-    """Crossings along a motion."""
     arguments = {"surface": lambda x: x[..., 0], "time": 1.0} | given
     return lambda: sf.crossings(SMOOTH, [1.0, 0.0], **arguments)
 
 
 def exponents(**given):
-    """Of a motion."""
     return lambda: sf.lyapunov_exponents(SMOOTH, [1.0, 0.5], **given)
 
 
 def changed_by(*surface, **given):
-    """A motion with a change."""
     return lambda: sf.flow(SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event(*surface, **given))
 
 
@@ -361,14 +358,6 @@ def test_units_and_labels_are_refused(wrap, name):
 
 
 def test_errors_that_tell_of_the_mathematics_have_one_base_class():
-    blow_up = sf.Field.from_terms([[[1]]])
-    body = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
-    for call, kind in (
-        (lambda: sf.iterate(blow_up, [1.0], 1.0, 3, on_singular="raise"), sf.SingularStepError),
-        (lambda: body.first_integral([1.0, 1.0, 1.0], 0.1), sf.NotIntegrableError),
-    ):
-        with pytest.raises(sf.SuslovError) as told:
-            call()
-        assert type(told.value) is kind
-    assert issubclass(sf.SingularStepError, ArithmeticError)
-    assert issubclass(sf.NotIntegrableError, ValueError)
+    assert issubclass(sf.NoConvergence, sf.SuslovError)
+    assert {*sf.SingularStepError.__mro__} >= {sf.SuslovError, ArithmeticError}
+    assert {*sf.NotIntegrableError.__mro__} >= {sf.SuslovError, ValueError}

@@ -96,6 +96,5 @@ def try_kernel(record, method, body, omega, eps):
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("kind", KINDS)
 def test_kernels_keep_the_contract(rng, kind):
-    """Between numbers that no kernel may touch."""
     for method in RECORDS[kind].methods:
         try_kernel(RECORDS[kind], method, *hard(rng, kind))

@@ -140,7 +140,6 @@ with_options = pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
 @pytest.mark.sampled(4)
 @with_options
 def test_runs_with_other_states_saved(rng, kind, options):
-    """Which states are saved changes no bit."""
     body, omega, *eps = hard(rng, kind)
     problem, options = (
         (body, omega, *eps * (not isinstance(body, sf.Map))),

@@ -92,7 +92,6 @@ def test_runs_are_drawn_with_their_names():
 
 
 def test_orbits_of_large_batches_share_lines():
-    """All orbits are drawn, in few lines, in the colours of their numbers."""
     starts = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 2))
     run = sf.iterate(BODY, starts, 0.2, 4)
     for options in ({}, {"color": "red"}, {"color": np.arange(300.0)}):

@@ -19,7 +19,6 @@ def test_starts_that_are_nan_are_told_by_runs_alone(body):
 
 
 def test_raise_and_ignore(unit):
-    """The error carries the run and survives pickling."""
     with pytest.raises(sf.SingularStepError, match=r"^1 of 2 ") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
     again = pickle.loads(pickle.dumps(caught.value))

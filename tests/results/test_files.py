@@ -32,6 +32,10 @@ def test_a_file_holds_all_of_a_run(name, path):
     again = sf.load(path)
     assert again == run
     assert again.body.to_dict() == run.body.to_dict()
+    turns = run.attitude is not None
+    kept = {column.name for column in schema.RUN if turns or column.when != "turns"}
+    assert {*entries(path)} - {"about", "body", "eps"} == kept
+    assert ("attitude" in run.to_xarray()) == turns
     assert os.listdir(path.parent) == [path.name]
     run.to_xarray().to_netcdf(path.with_suffix(".nc"))
     with xarray.open_dataset(path.with_suffix(".nc")) as data:
@@ -208,17 +212,6 @@ def test_each_column_is_everywhere(tmp_path, kind):
             assert others.dtype == column.type
         assert data[name].dims == dims
         assert not column.meaning or data[name].attrs["long_name"] == column.meaning
-
-
-def test_columns_of_orientations(tmp_path):
-    body = sf.SuslovND(J=[1, 2, 3], I=[0.1, 0.2, 0.3])
-    for turns in (False, True):
-        run = sf.iterate(body, [1.0, 0.5, 0.2], 0.1, 5, attitude=turns)
-        run.save(tmp_path / "run.npz", overwrite=True)
-        found = {*entries(tmp_path / "run.npz")} - {"about", "body", "eps"}
-        assert found == {c.name for c in schema.RUN if turns or c.when != "turns"}
-        assert ("attitude" in run.to_xarray()) == turns
-        assert sf.load(tmp_path / "run.npz") == run
 
 
 # ---------------------------------------------------------------------------- tables of pandas

@@ -18,6 +18,7 @@ pytestmark = [pytest.mark.compiled]
 BEGIN = """
 import hashlib, tempfile
 import numba, numpy as np, suslov_fast as sf
+from systems import lorenz, lorenz_96
 rng = np.random.default_rng(1)
 
 def x(*shape):
@@ -37,13 +38,6 @@ def tell(*results):
             array = np.ascontiguousarray(getattr(each, "states", each))
             assert array.size, array.shape
             print(array.shape, hashlib.sha256(array.tobytes()).hexdigest())
-
-def lorenz(x, rho):
-    return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
-
-def chain(x):
-    D = len(x)
-    return [(x[(k + 1) % D] - x[k - 2]) * x[k - 1] - x[k] + 8 for k in range(D)]
 
 def heat(x):
     u = np.array(x).reshape(16, 16)
@@ -144,7 +138,7 @@ sf.integrability.report(of(lambda x: (x[1]*x[2], x[2]*x[0], x[0]*x[1]), 3), degr
     "many variables": """
 run(sf.Field.from_terms(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), 36, .02, 3)
 run(sf.Field.from_terms(rng.normal(size=(36, 36, 36)), rng.normal(size=(36, 36))), (64, 36), .02, 3)
-run(of(chain, 128), 128, .02, 5), run(of(chain, 128), (64, 128), .02, 20, save_every=None)
+run(of(lorenz_96, 128), 128, .02, 5), run(of(lorenz_96, 128), (64, 128), .02, 20, save_every=None)
 run(of(heat, 256), (32, 256), .02, 5, save_every=None)""",
 }
 # Runs the code that it is given, and writes to a file what Numba compiles.

@@ -36,8 +36,7 @@ class BodyOfEquations(Body):
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)([1.0, 0.5])
         array([ 0.078125, -0.625   ])
         """
-        values: FloatArray = self._field(omega)
-        return values
+        return self._field(omega)
 
     @public
     def field(self) -> Field:
@@ -97,8 +96,7 @@ class Suslov(BodyOfEquations):
     def _value(self, name: str, omega: Any, eps: Any = 0.0) -> FloatArray:
         """Return the value of a formula of the map."""
         map = map_of(self)
-        values: FloatArray = evaluate(map.formulas[name], map, self, omega, eps)
-        return values
+        return evaluate(map.formulas[name], map, self, omega, eps)
 
     def _problem(self, omega: Any, eps: Any = 0.0, threads: int | None = None) -> Problem:
         """Return the checked problem of initial states and step sizes."""

@@ -25,11 +25,6 @@ from .body import Suslov
 from .formulas_3d import IN_3D, closed_form, eigenvalues_in_3d, scattering_angle, step_full
 
 
-def _exact(a: Any) -> Any:
-    """Return a number as a fraction, and a rational function as it is."""
-    return Fraction(a) if isinstance(a, (float, Rational)) else a
-
-
 class ClosedForm(NamedTuple):
     """The constants (...) of orbits that :meth:`Suslov3D.closed_form` returns."""
 
@@ -115,7 +110,11 @@ class Suslov3D(Suslov):
 
     @cached_property
     def _field(self) -> Field:
-        I1, I2, *form = self._constants if self.shape else map(_exact, self._constants)
+        constants = self._constants
+        if not self.shape:  # a single body has exact coefficients; letters stay as they are
+            exact = (Fraction(a) if isinstance(a, (float, Rational)) else a for a in constants)
+            constants = tuple(exact)
+        I1, I2, *form = constants
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
         rows = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]

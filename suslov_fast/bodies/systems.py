@@ -26,5 +26,4 @@ def class_named(name: Any) -> type[Any]:
 
 def body_from_dict(parameters: Mapping[str, Any]) -> MapOrField:
     """Return the body or field that a dictionary from `to_dict` describes."""
-    body: MapOrField = class_named(parameters["body"]).from_dict(parameters)
-    return body
+    return class_named(parameters["body"]).from_dict(parameters)

@@ -1,7 +1,7 @@
 """The base class of bodies, fields and maps: parameters, batches, equality, text, dictionaries."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -35,6 +35,7 @@ class Body(Members, metaclass=Answering):
     _positive: ClassVar[dict[str, int]] = {}  # exponents of ranges, see `checks.within`
     _called: ClassVar[str] = "a body or a field"
     _variable: ClassVar[str] = "omega"  # the name of states, in messages
+    _left: ClassVar[str] = r"\dot{%s}"  # the left side of an equation in LaTeX, for a variable
     _has_eps: ClassVar[bool] = True  # False for a `Map`
     # The direction (..., D) of the line of steady states through 0; NaN for members without one.
     _steady_line: ClassVar[Any] = None
@@ -161,16 +162,22 @@ class Body(Members, metaclass=Answering):
         text = ", ".join(summary(each, a) for each, a in arrays)
         return f"<{name} of shape {self.shape}: {text}>"
 
+    @property
+    def _formulas(self) -> Iterator[str]:
+        """The right sides of the equations of a single body as texts."""
+        return self._field._formulas
+
+    @property
+    def _numbers(self) -> list[tuple[str, Any]]:
+        """The parameters of a single body that are numbers, by name."""
+        return [(name, a) for name, a in self._arrays.items() if not np.ndim(a)]
+
     def _repr_latex_(self) -> str | None:
         """Return the equations of a single body for notebooks, which show a batch as a text."""
-        return None if self.shape else equations(*self._rows_in_latex())
-
-    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
-        """Return rows of a left side, in LaTeX, and a text; and the LaTeX of names in the texts."""
-        field, labels = self._field, [*map(symbol, self._labels)]
-        rows = [(rf"\dot{{{a}}}", b) for a, b in zip(labels, field._formulas, strict=True)]
-        numbers = [(symbol(name), str(a)) for name, a in self._arrays.items() if not np.ndim(a)]
-        return rows + numbers, dict(zip(field.names, labels, strict=True))
+        if self.shape:
+            return None
+        rows = zip((self._left % symbol(a) for a in self._labels), self._formulas, strict=True)
+        return equations([*rows, *((symbol(name), str(a)) for name, a in self._numbers)])
 
     @public
     def to_dict(self) -> dict[str, Any]:

@@ -115,7 +115,6 @@ class Field(Traced):
     _texts: ClassVar[tuple[str, ...]] = (*Traced._texts, "H")
     _called: ClassVar[str] = "a field"
     _arrow: ClassVar[str] = "' ="
-    _left: ClassVar[str] = r"\dot{%s}"
 
     def __init__(
         self,

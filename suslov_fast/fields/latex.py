@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from .names import latex
@@ -34,25 +34,23 @@ def symbol(name: str) -> str:
     return rf"\mathrm{{{word}}}" + (f"_{{{index}}}" if index else "")
 
 
-def equations(
-    rows: Sequence[tuple[str, str]], names: Mapping[str, str] | None = None
-) -> str | None:
+def equations(rows: Sequence[tuple[str, str]]) -> str | None:
     """Return equations of left sides, in LaTeX, and texts; None if a text is no formula."""
     if sum(len(text) for _, text in rows) > _LONGEST:
         return None
     try:
-        lines = [rf"{left} &= {formula(text, names)}" for left, text in rows]
+        lines = [rf"{left} &= {formula(text)}" for left, text in rows]
     except (SyntaxError, KeyError, RecursionError):
         return None
     return "$\\displaystyle \\begin{aligned}" + r" \\ ".join(lines) + "\\end{aligned}$"
 
 
-def formula(text: str, names: Mapping[str, str] | None = None) -> str:
+def formula(text: str) -> str:
     """Return the LaTeX of a formula that is a text, with powers as ^ or as **."""
-    return _of(ast.parse(re.sub(r"\^(?=\d)", "**", text), mode="eval").body, names or {})[0]
+    return _of(ast.parse(re.sub(r"\^(?=\d)", "**", text), mode="eval").body)[0]
 
 
-def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
+def _of(node: Any) -> tuple[str, int]:
     """Return the LaTeX of a formula, and how tightly its sign binds."""
     if isinstance(node, ast.Constant) and node.value is not Ellipsis:
         text = repr(node.value)
@@ -61,32 +59,32 @@ def _of(node: Any, names: Mapping[str, str]) -> tuple[str, int]:
             return rf"{digits} \cdot 10^{{{int(exponent)}}}", 3
         return text, _ATOM
     if isinstance(node, ast.Name):
-        return names.get(node.id) or symbol(node.id), _ATOM
+        return symbol(node.id), _ATOM
     if isinstance(node, ast.UnaryOp):
         level = _LEVELS[type(node.op)]
-        return f"{_SIGNS[type(node.op)]}{_within(node.operand, names, 3)}", level
+        return f"{_SIGNS[type(node.op)]}{_within(node.operand, 3)}", level
     if isinstance(node, ast.BinOp):
         kind = type(node.op)
         first = node.left
         if kind is ast.Div and isinstance(first, ast.UnaryOp) and isinstance(first.op, ast.USub):
             quotient = ast.BinOp(first.operand, node.op, node.right)
-            return f"-{_of(quotient, names)[0]}", 3
+            return f"-{_of(quotient)[0]}", 3
         if kind in (ast.Div, ast.FloorDiv):
-            top, bottom = (_of(each, names)[0] for each in (node.left, node.right))
+            top, bottom = (_of(each)[0] for each in (node.left, node.right))
             text = rf"\frac{{{top}}}{{{bottom}}}"
             return (text, 4) if kind is ast.Div else (rf"\left\lfloor {text} \right\rfloor", _ATOM)
         if kind is ast.Pow:
-            return f"{_within(node.left, names, _ATOM)}^{{{_of(node.right, names)[0]}}}", 4
+            return f"{_within(node.left, _ATOM)}^{{{_of(node.right)[0]}}}", 4
         level = _LEVELS[kind]
-        left, right = _within(node.left, names, level), _within(node.right, names, level + 1)
+        left, right = _within(node.left, level), _within(node.right, level + 1)
         if kind is ast.Mult and re.match(r"\d", right):
             return rf"{left} \cdot {right}", level
         return f"{left}{_SIGNS[kind]}{right}", level
     if isinstance(node, ast.Compare):
-        left, right = (_within(each, names, 2) for each in (node.left, node.comparators[0]))
+        left, right = (_within(each, 2) for each in (node.left, node.comparators[0]))
         return f"{left}{_SIGNS[type(node.ops[0])]}{right}", 1
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return _call(node.func.id, [_of(each, names)[0] for each in node.args]), _ATOM
+        return _call(node.func.id, [_of(each)[0] for each in node.args]), _ATOM
     raise SyntaxError
 
 
@@ -101,7 +99,7 @@ def _call(name: str, arguments: Sequence[str]) -> str:
     return rf"{word}\left({', '.join(arguments)}\right)"
 
 
-def _within(node: Any, names: Mapping[str, str], least: int) -> str:
+def _within(node: Any, least: int) -> str:
     """Return the LaTeX of an operand, in brackets if its sign binds less tightly than `least`."""
-    text, level = _of(node, names)
+    text, level = _of(node)
     return text if level >= least else rf"\left({text}\right)"

@@ -137,8 +137,7 @@ def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None
         from ..core.flow.program_code import by_code  # here, because importing Numba takes time
 
         calls[name] = function = by_code
-    results: FloatArray = function(f, name, *given)
-    return results
+    return function(f, name, *given)
 
 
 def of_one(field: Any, wrt: Names, actions: Actions) -> tuple[Any, FloatArray]:

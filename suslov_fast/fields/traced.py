@@ -19,7 +19,6 @@ from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of
 from .equations import LONGEST, Equations
 from .exact_numbers import named_parameters, numbers_by_name, to_lists
-from .latex import symbol
 from .names import labels, variables
 from .right_hand_sides import by_code_if_often
 from .symbolic import Symbol, Symbols, Tracer
@@ -40,7 +39,6 @@ class Traced(Body):
     _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
     _variable: ClassVar[str] = "x"
     _arrow: ClassVar[str]  # what stands between a variable and its formula in texts
-    _left: ClassVar[str]  # the left side of an equation in LaTeX, with %s for the variable
 
     names: tuple[str, ...]
     _equations: Equations | Any  # None if the parts of a field are its terms
@@ -208,13 +206,7 @@ class Traced(Body):
 
     @property
     def _numbers(self) -> list[tuple[str, Any]]:
-        """The parameters of a single field or map, by name."""
         return [*self.parameters.items()]
-
-    def _rows_in_latex(self) -> tuple[list[tuple[str, str]], dict[str, str]]:
-        left = [self._left % symbol(name) for name in self.names]
-        numbers = [(symbol(name), str(value)) for name, value in self._numbers]
-        return [*zip(left, self._formulas, strict=True), *numbers], {}
 
     def __repr__(self) -> str:
         kind = type(self).__name__

@@ -282,7 +282,7 @@ class RationalFunction(WithLetters):
 
     def _latex(self, _: Any) -> str:
         """Return the formula for ``sympy.latex``."""
-        return formula(str(self), {"eps": r"\varepsilon"})
+        return formula(str(self)).replace(r"\mathrm{eps}", r"\varepsilon")
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {self._latex(None)}$"

@@ -34,8 +34,7 @@ def _modified_energy(problem: Problem) -> FloatArray:
     y = x[..., i], x[..., j], x[..., k]
     z = after[..., i], after[..., j], after[..., k]
     means = (y[0] * y[1] * z[2] + y[0] * z[1] * y[2] + z[0] * y[1] * y[2]) / 3.0
-    energies: FloatArray = (values * means).sum(axis=-1)
-    return energies
+    return np.asarray((values * means).sum(axis=-1))
 
 
 def _matrix(problem: Problem) -> FloatArray:

@@ -17,18 +17,13 @@ def _cost_of_field(D: int, arguments: Any) -> float:
     return len(stages.fractions) * (0.1 * step.length if step.usual else float(D**3))
 
 
-def _cost_in_3d(D: int, arguments: Any) -> float:
-    """Return the time of a step, relative to a step of the map in 3D: 1, or 2 with a rotor."""
-    return 2.0 if arguments[4].any() else 1.0
-
-
 # The map of bodies in three dimensions.
 STEPS_3D = StepMethod(
     kernel=steps_3d.steps,
     arguments=of.by_constants,
     system=lambda body, eps: BodySystem(*(*body._constants, eps)),
     carried=steps_3d.CARRIED,
-    cost=_cost_in_3d,
+    cost=lambda D, arguments: 2.0 if arguments[4].any() else 1.0,  # 2 with a rotor
 )
 # Kahan's map of a field, or of the field of a body.
 FIELD = StepMethod(

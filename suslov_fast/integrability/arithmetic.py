@@ -60,9 +60,9 @@ def constant(name: str, value: Any) -> Fraction:
 def as_written(a: Any) -> Fraction:
     """Return the number that was typed for a float `a`: a decimal, as 0.1, or a ratio, as 8/3.
 
-    It is the decimal of up to 12 digits, or the ratio with a denominator up to 1000, that differs
-    from the float by rounding errors only; else the decimal of up to 15 digits that rounds to the
-    float; else the binary value of the float.
+    A decimal of 12 digits, then a ratio with a denominator up to 1000, is accepted if the float
+    differs from this number by rounding errors only. Otherwise the result is the decimal of 15
+    digits that rounds to the float, or the binary value of the float if no such decimal exists.
     """
     binary = Fraction(a)
     q = binary.denominator
@@ -105,7 +105,7 @@ def random_prime(rng: random.Random, bits: int = 62) -> int:
 
 
 def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
-    """Return the point (x1, ..., xD, 1) modulo a prime, for rational numbers x."""
+    """Return the point (x1, ..., xD, 1) modulo a prime p, for rational numbers x."""
     return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
 
 
@@ -130,8 +130,8 @@ def random_values(rng: random.Random, p: int) -> Values:
 def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) -> Any:
     """Call ``compute(p, values)`` for random primes p until two results agree; return this result.
 
-    `values` are random numbers in place of letters such as eps. The result for one prime is wrong
-    if a number that should not be 0 happens to be 0 modulo this prime.
+    `values` are random numbers that replace letters such as eps. One result alone may be wrong,
+    because a number that is not 0 may be 0 modulo p.
     """
     results: list[Any] = []
     for _ in range(DRAWS):
@@ -162,7 +162,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 def null_space(matrix: Any) -> Residues:
     """Return a basis of the null space of a matrix modulo a prime, as rows in echelon form.
 
-    The last nonzero entry of a row is 1, and the other rows have 0 there.
+    The last nonzero entry of a row is 1, and all other rows have 0 in this column.
     """
     columns, dimension = matrix.nullspace()
     return integer_rows(columns.transpose(), dimension)

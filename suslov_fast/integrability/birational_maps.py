@@ -173,7 +173,7 @@ class RationalMap(rational_functions.WithLetters):
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if eps is symbolic.
 
-        A point of functions of eps, such as a first image, has an image, too: ``map(map(x))``.
+        The point itself may consist of functions of eps, as in ``map(map(x))``.
         """
         if not isinstance(point, tuple) or not any(isinstance(a, RationalFunction) for a in point):
             if not self.is_symbolic:
@@ -276,16 +276,14 @@ class RationalMap(rational_functions.WithLetters):
         return max(1.0, self._monomials * self.degree / FEW)
 
     def cost_of_pullback(self, P: Any, degree: int) -> float:
-        """Return the estimated seconds for the pullback F_0^degree P(F / F_0), and for its factors.
-
-        Each term of P adds a product of powers of forms, with all monomials of its degree or fewer.
-        """
+        """Return the estimated seconds for the pullback F_0^degree P(F / F_0) and its factors."""
         all_monomials = math.comb(self.dimension + self.degree, self.dimension)
         most = self.terms_of_degree(degree * self.degree) * self._monomials / all_monomials
         lengths = [len(F) for F in self.forms]
         exponents = ((*e, degree - sum(e)) for e in polynomials.exponents_in_x(P))
         powers = (zip(lengths, e, strict=True) for e in exponents)
-        # The power n of t terms has a term for each monomial of degree n in t variables.
+        # Each term of P becomes a product of powers of forms. The power n of a form with t terms
+        # has a term for each monomial of degree n in t variables.
         terms = (math.prod(math.comb(t + n - 1, n) for t, n in product) for product in powers)
         return 1e-9 * sum(min(most, count) for count in terms) * max(lengths)
 
@@ -341,10 +339,10 @@ class RationalMap(rational_functions.WithLetters):
         return line, self.at_eps(EPS).homogeneous_image(line), factors
 
     def cofactor(self, P: Any) -> RationalFunction | None:
-        """Return C with P(Phi) = C P, a product of powers of the map's `factors`; or None.
+        """Return C with P(Phi) = C P, a constant times powers of the map's `factors`; or None.
 
-        If C exists, P(Phi) and P are equal on a random line modulo a prime, up to these factors and
-        a constant. The constant of C is interpolated from its values at random points.
+        On a random line modulo a prime, P(Phi) / P shows the powers. The constant is interpolated
+        from its values at random points.
         """
         degree, (line, F, factors) = degree_of(P), self._on_random_line
         at_number, powers = modulo(P, self.prime, EPS), []

@@ -36,18 +36,15 @@ _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger c
 
 
 class Passage(NamedTuple):
-    """The orders in t of images of germs c + t v, with points c of a contracted curve.
+    """The images of germs c + t v with points c of a contracted curve: their orders in t.
 
-    After fewer than `steps` steps all images begin at one point, and then at points of a curve;
-    `steps` is None if that takes too long. The image after k + 1 steps is divided by t to the power
-    ``common_orders[k - 1]``; ``curve_orders[k - 1]`` has the order of each curve's equation after k
-    steps. Both tuples end at the last point without an image; `endless` is True if none was found.
+    Orders are listed from the first image, k = 1, to the last that begins at a point without image.
     """
 
-    common_orders: tuple[int, ...]
-    curve_orders: tuple[tuple[int, ...], ...]
-    steps: int | None
-    endless: bool = False
+    common_orders: tuple[int, ...]  # powers of t that divide the coordinates of image k + 1
+    curve_orders: tuple[tuple[int, ...], ...]  # orders of each curve's equation along image k
+    steps: int | None  # the first image that begins at points of a curve again; None if none does
+    endless: bool = False  # True if no last point without an image was found
 
 
 class Plane:
@@ -78,14 +75,11 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """One step of a germ: its image, divided by t**common_order.
+    """One step of a germ."""
 
-    `curve_orders` are the orders in t of the equations of curves along the germ before the step.
-    """
-
-    germ: list[Any]
+    germ: list[Any]  # the image, divided by t**common_order
     common_order: int
-    curve_orders: tuple[int, ...]
+    curve_orders: tuple[int, ...]  # orders in t of the curves' equations along the germ before it
 
 
 class PlaneModulo:
@@ -101,9 +95,9 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a factor of the equation of curve `number` that has zeros modulo p, or None.
+        """Return a component modulo p of curve `number` on which germs begin; None without any.
 
-        A curve may consist of conjugate lines, which are contracted to different points.
+        Modulo p a curve may split into conjugate lines, which are contracted to different points.
         """
         P = self.curves[number]
         if P == 0:
@@ -153,9 +147,9 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the `Passage` of two germs by up to `most` steps; None if their orders differ.
+        """Return the `Passage` of two germs with `terms` powers of t; None if their orders differ.
 
-        If the first `terms` powers of t are too few, the passage is `endless`.
+        The passage is `endless` if it needs more terms, or more than `most` steps.
         """
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
@@ -223,9 +217,9 @@ _NUMBERS = range(1, 9)  # numbers that are tried in place of s
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
-    """Return True if the orders of curve `number` modulo primes are proved to be exact.
+    """Return True if the orders in the `passage` of curve `number` are proved to be exact.
 
-    Orders modulo a prime are at least the exact orders, so that 0 is exact.
+    They were found modulo primes, where an order can only be larger. So 0 is exact.
     """
     if not passage.common_orders:
         return passage.steps is None
@@ -304,9 +298,10 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Return pairs (common order, curve orders) of `steps` steps, and the last germ.
+        """Follow the first germ; return (common order, curve orders) by step, and the last germ.
 
-        Steps are fewer if `terms` powers of t are too few. None if coordinates become too large.
+        There are `steps` steps, or fewer if `terms` powers of t do not suffice. The result is None
+        if coordinates become too large.
         """
         germ, orders = self.first, []
         for k in range(steps + 1):
@@ -324,10 +319,9 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if orders in `passage` are multiplicities at the points of the orbit.
+        """Return True if orders in `passage` are multiplicities at points of the orbit: then exact.
 
-        Such orders are exact. All derivatives of lower order are 0, and only the last point has no
-        image.
+        Derivatives of lower orders must be 0 at these points, and only the last may have no image.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:

@@ -178,7 +178,7 @@ def proved_by_integral(
 ) -> PlanarEntropy | None:
     """Return `entropy`, or the entropy 0 if `entropy` is unproved and an integral is proved.
 
-    A birational map of the plane that preserves a fibration has entropy 0 (Diller and Favre 2001).
+    Birational maps of the plane with an integral have the entropy 0 (Diller and Favre 2001).
     """
     proofs = [f for f in integrals if f.basis == IDENTITY]
     if not proofs or entropy is None or entropy.proved:
@@ -203,10 +203,10 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 
 
 def why_never(plane: Plane, number: int, passage: Passage) -> str:
-    """Return why the orbit of curve `number`, with orders `passage`, never ends; "" if unproved.
+    """Return why the orbit of contracted curve `number` never ends; "" if that is not proved.
 
-    An orbit ends at a point without an image. It never ends if it is periodic modulo a small prime,
-    and all its points have images there.
+    An orbit ends at a point without an image. If it is periodic modulo a small prime, and all its
+    points have images there, it never ends.
     """
     for p in _SMALL_PRIMES:
         rng = random.Random(p)
@@ -222,8 +222,8 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
 def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
     """Return True if the orbit of curve `number` modulo a prime is periodic, with all images.
 
-    A smooth point of the curve modulo p is the residue of a point over the p-adic numbers. Images
-    modulo p are residues of the exact orbit if their orders are those in `passage`.
+    It is the residue of an exact orbit: it begins at a smooth point of the curve, which is the
+    residue of a p-adic point of the curve, and its orders must be those in `passage`.
     """
     if any(P == 0 for P in (*residues.forms, residues.curves[number])):
         return False
@@ -255,10 +255,7 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
 
 
 def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
-    """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates.
-
-    `passages` has a `Passage` for each contracted curve. Q gives the recurrence of the d_n.
-    """
+    """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates."""
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
     # The unknowns are the generating functions of d, and of s for each of these curves.

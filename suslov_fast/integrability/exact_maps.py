@@ -100,16 +100,16 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
 
 def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
     """Return a checked `RationalMap`: `map` itself, or the exact map of a system with `letters`."""
-    is_given = letters is None and not isinstance(map, Body)
-    checked: Any = map if is_given else exact_map(map, None, letters)
+    is_system = isinstance(map, Body) or letters is not None
+    checked: Any = exact_map(map, None, letters) if is_system else map
     check_map(checked)
     return checked
 
 
 def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
-    """Return a `Map` as a rational map, or the Kahan map of a field or body.
+    """Return the rational map of a `Map`, or the Kahan map of a field or body.
 
-    The parameters `letters` stay symbols, and eps too if it is None. A `RationalMap` is unchanged.
+    The parameters `letters` stay symbols, and so does `eps` if it is None.
     """
     if isinstance(system, Map):
         return rational_map(system, letters=letters)
@@ -183,8 +183,8 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
 def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
     """Return {letter: (parameter, indices of entries, value)} for the letters a system may have.
 
-    For the arrays J and I of a body in n dimensions, J1 stands for all J_i that equal the first
-    entry, and I1 for the first entry alone.
+    In the arrays J and I of a body in n dimensions, the letter J1 stands for all entries that equal
+    J[0], and I1 for I[0] alone.
     """
     places: dict[str, tuple[str, Any, Any]] = {}
     parameters = {"k": 0.0} if isinstance(system, Suslov3D) else {}  # k = 0 is no parameter
@@ -200,10 +200,10 @@ def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
 
 
 def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
-    """Return the stages of a map, each as polynomials F_1, ..., F_D, F_0, from its program.
+    """Return stages of which a map is the composition, each as polynomials F_1, ..., F_D, F_0.
 
-    Where all later operations depend on D values alone, one stage ends and the next begins. A float
-    stands for the number that was typed, see `as_written`. Errors begin with `name`.
+    A stage ends where the remaining operations of the map's program need only D values that depend
+    on x. Errors begin with `name`.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"
@@ -222,7 +222,8 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
     # The last operation that needs each value.
     last = {a: k for k, (_, _, operands) in enumerate(operations) for a in _places(operands)}
     last |= dict.fromkeys(_places(results), len(operations))
-    varying: dict[int, Any] = dict.fromkeys(starts)  # the operations that depend on x, by place
+    # The values that depend on x, and the values among them from which each follows.
+    sources: dict[int, set[Any]] = {a: {None} for a in starts}
 
     def value(a: Any) -> Any:
         return as_function(equations.ratios.get(a, a)) if type(a) is float else values[a]
@@ -239,22 +240,18 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
 
     for k, (rule, place, operands) in enumerate(operations):
         values[place] = computed(rule, place, operands)
-        if not varying.keys() & _places(operands):
+        if not (operands_in_x := sources.keys() & _places(operands)):
             continue
-        varying[place] = rule, place, operands
-        needed = {a for a in varying if last.get(a, -1) > k}
-        derived = [  # operations on other values that are needed
-            a
-            for a in varying
-            if a in needed - {*starts} and _places(varying[a][2]) & varying.keys() <= needed
-        ]
-        cut = [a for a in varying if a in needed.difference(derived)]
+        sources[place] = operands_in_x
+        needed = {a for a in sources if last.get(a, -1) > k}
+        cut = [a for a in sources if a in needed and not sources[a] <= needed]
         if len(cut) == D and cut != starts and {*cut} != _places(results):
             stages.append(over_common_denominator([values[a] for a in cut], ring))
             starts = cut
             values |= dict(zip(cut, x, strict=True))
-            for a in derived:
-                values[a] = computed(*varying[a])
+            sources |= {a: {None} for a in cut}
+            for operation in (each for each in operations if each[1] in needed.difference(cut)):
+                values[operation[1]] = computed(*operation)
     return [*stages, over_common_denominator([value(a) for a in results], ring)]
 
 

@@ -57,9 +57,9 @@ class Unknown(ArithmeticError):
 
 
 def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows | None:
-    """Return a matrix of rational functions N / D of `count` letters, as rows of pairs (N, D).
+    """Return the matrix that `search` evaluates, with functions N / D of letters, as pairs (N, D).
 
-    ``search(p, values)`` must return the matrix modulo p, with the numbers `values` for the
+    ``search(p, values)`` must return the matrix modulo p, with the numbers `values` for the `count`
     letters. The result is None if coefficients are too long, or if there are too many terms.
     """
     residues = defaultdict[Any, list[tuple[Any, int]]](list)  # (residues, p), by exponents
@@ -89,10 +89,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
 
 
 def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
-    """Return the matrix of functions of `count` letters that has the values ``search(p, x)``.
-
-    Entries are pairs (N, D) modulo p, for N / D. `matrix` is one of the values.
-    """
+    """Return the matrix of `over_rationals` modulo p; `matrix` is its value at some numbers."""
     if not count:
         return [[({(): c}, {(): 1}) for c in row] for row in matrix]
     lengths, done = [*map(len, matrix)], itertools.count()
@@ -111,9 +108,9 @@ def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(exponents: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return a matrix of quotients N / D with rational coefficients, as pairs (N, D).
+    """Return the matrix of pairs (N, D) with the simplest rational coefficients.
 
-    `exponents` has the exponents in N and D, `residues` pairs (all coefficients modulo p, p).
+    `exponents` are the exponents in all N and D; `residues` has (all coefficients modulo p, p).
     """
     total, modulus = np.zeros((), object), 1
     for coefficients, p in residues:  # the Chinese remainder theorem
@@ -146,9 +143,9 @@ def _predicts(rows: Rows, matrix: Residues, values: Sequence[int], p: int) -> bo
 def _interpolated(
     entries: Callable[[Sequence[int]], list[int]], count: int, p: int, rng: random.Random
 ) -> list[tuple[Terms, Terms]]:
-    """Return functions N / D of letters with the values `entries`, as pairs (N, D) modulo p.
+    """Return the functions N / D of letters with the values `entries`, as pairs (N, D) modulo p.
 
-    `ZeroDivisionError` means that a random point or line is special: another prime may do.
+    Raise `ZeroDivisionError` if a random point or line is special; another prime may work.
     """
 
     def parameters(size: int) -> list[int]:
@@ -185,7 +182,7 @@ def _interpolated(
         return pairs
     # Coefficients in z of N and D on each line, for each entry: as many as on the first line.
     sizes = [[max(P.degree(), 0) + 1 for P in pair or ()] for pair in quotients]
-    coefficients: list[Any] = [([], []) for _ in varying]
+    coefficients: list[Any] = [[] for _ in varying]
     parts: list[Any] = [None for _ in varying]
     line = Line(parameters(max(map(sum, sizes)) + 1), p)
     points: list[list[int]] = []
@@ -195,11 +192,10 @@ def _interpolated(
         for i in range(len(points), 2 * len(points) or 4):
             points.append([pow(base, i, p) for base in _BASES[:count]])
             for k, values in enumerate(along(points[-1], line.z)):
-                on_line = _scaled(line.quotient(values), sizes[k])
-                for of_lines, of_line in zip(coefficients[k], on_line, strict=True):
-                    of_lines.append(of_line)
+                coefficients[k].append(_scaled(line.quotient(values), sizes[k]))
         for k in [k for k, known in enumerate(parts) if known is None]:
-            N_and_D = [_terms(of_lines, s, points, p) for of_lines in coefficients[k]]
+            of_N_and_D = zip(*coefficients[k], strict=True)
+            N_and_D = [_terms(of_lines, s, points, p) for of_lines in of_N_and_D]
             parts[k] = None if None in N_and_D else N_and_D
     for i, known in zip(varying, parts, strict=True):
         pairs[i] = _with_unit(known, p)
@@ -207,7 +203,7 @@ def _interpolated(
 
 
 def _with_unit(parts: Iterable[Any], p: int) -> tuple[Terms, Terms]:
-    """Return the `parts` N and D, sorted, and scaled so that the last coefficient of D is 1."""
+    """Return `parts`, N and D, with sorted terms, and 1 as the last coefficient of D."""
     N, D = parts
     scale = pow(D[max(D)], -1, p)
     N, D = ({e: c * scale % p for e, c in sorted(P.items())} for P in (N, D))
@@ -224,9 +220,9 @@ class Line:
         self._zeros = math.prod(flint.nmod_poly([-c, 1], p) for c in z)
 
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
-        """Return polynomials N and D of least degrees with these values of N / D; None without any.
+        """Return polynomials (N, D) of low degrees, such that N / D has these values at the points.
 
-        The search ends with None if values are too few, or the degree of N falls to `lowest`.
+        The result is None if this needs more values, or if N has at most the degree `lowest`.
         """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
@@ -241,7 +237,7 @@ class Line:
 
 
 def _scaled(pair: Any, sizes: Sequence[int]) -> list[list[int]]:
-    """Return so many coefficients in z of N and D on a line s + z t; D is scaled to 1 at s."""
+    """Return `sizes` coefficients in z of N and of D on a line s + z t, scaled to D = 1 at s."""
     if pair is None or pair[1][0] == 0:
         raise ZeroDivisionError
     scale = 1 / pair[1][0]
@@ -249,9 +245,9 @@ def _scaled(pair: Any, sizes: Sequence[int]) -> list[list[int]]:
 
 
 def _terms(coefficients: Any, s: Sequence[int], points: Any, p: int) -> Terms | None:
-    """Return the terms of a polynomial in letters; None if they need more lines.
+    """Return the terms of a polynomial in letters, from its values on lines s + z t; or None.
 
-    Its coefficients in z are known on each line s + z t with t in `points`.
+    `coefficients` are its coefficients in z for each t in `points`. None means: more are needed.
     """
     lower, terms = [[*of_line] for of_line in coefficients], Terms()
     for k in range(len(lower[0]) - 1, -1, -1):
@@ -274,10 +270,10 @@ def _on_line(terms: Terms, s: Sequence[int], t: Sequence[int], p: int) -> list[i
 
 
 def _homogeneous(values: Sequence[int], count: int, degree: int, p: int) -> Terms | None:
-    """Return the homogeneous polynomial with these values at (2^i, 3^i, ...), i = 0, 1, ...
+    """Return the homogeneous polynomial in `count` letters with these values at (2^i, 3^i, ...).
 
-    The values of its monomials at (2, 3, ...) are the roots of the recurrence of `values`. None if
-    there are too few values. `count` is the number of letters.
+    The values, for i = 0, 1, ..., satisfy a linear recurrence. Its roots are the values of the
+    monomials at (2, 3, 5, ...). The result is None if the recurrence needs more values.
     """
     values = [a % p for a in values]
     if not any(values):

@@ -32,12 +32,9 @@ _LARGEST = 10  # the most variables of a field for which a Hamiltonian is sought
 
 
 class InLetters(NamedTuple):
-    """Coefficients with letters: ``rates[i, j, k]`` of x_j x_k in x_i', ``energy[i, j, k]`` in H.
+    """Coefficients with letters, as {(i, j, k): c}, for terms c x_j x_k of x_i', and of H."""
 
-    `given` are the values that the letters had in the system.
-    """
-
-    given: dict[str, Any]
+    given: dict[str, Any]  # the values that the letters had in the system
     rates: dict[tuple[int, ...], RationalFunction]
     energy: dict[tuple[int, ...], RationalFunction] | None
 
@@ -139,7 +136,7 @@ class KahanMap(RationalMap):
     def _forms(self) -> list[Any]:
         """The rows of (A | b) for the equations A(x) x~ = b(x), times a common denominator.
 
-        An entry is a linear form in (x1, ..., xD, 1), a list of (j, a) for terms a x_j.
+        An entry is a linear form in (x1, ..., xD, 1): a list of pairs (j, a), its terms a x_j.
         """
         if self.eps is None:
             eps, unit = self._sign * self.ring.gens()[0], self.ring.constant(1)

@@ -122,14 +122,12 @@ class _Solved(NamedTuple):
 
 
 class _Equations:
-    """The equations P / Q = constant for integrals P / Q of a map, and the `Level` that they make.
-
-    The ring `ring` has the letter, if there is one, and x1, ..., xD, and `plane` has x1 and x2.
-    """
+    """The equations P / Q = constant for integrals P / Q of a map, which make a `Level`."""
 
     def __init__(self, map: RationalMap, integrals: Any, letter: str) -> None:
         self.map, self.letter = map, letter
         self.D = D = map.dimension
+        # Rings of polynomials in x1, ..., xD, and in x1 and x2, with the letter if there is one.
         self.ring, self.plane = (polynomial_ring(n, [letter] * bool(letter)) for n in (D, 2))
         self.parts = [self._numerator_and_denominator(f) for f in integrals]
         functions = [factored(P) / factored(Q) for P, Q in self.parts]
@@ -241,7 +239,7 @@ class _Equations:
     def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
         """Return the coordinates `kept`, and the last, of the second point of a quadric on a line.
 
-        The line is x + s d. The coordinates `kept` of d are x1, x2 and 1; its others are 0.
+        The first is x. The direction d of the line has coordinates x1, x2, 1 at `kept`, and else 0.
         """
         one = self.plane.constant(1)
         start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in `plane`
@@ -302,9 +300,9 @@ def _function_by(f: Any, variables: list[RationalFunction]) -> RationalFunction:
 
 
 def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:
-    """Solve as many equations of a level as possible for variables, given by their numbers.
+    """Solve as many equations of a level as possible, each for one of the `variables`.
 
-    If an equation has several components, the one through the point x counts.
+    If x is a point of the level, equations are replaced by their components through x.
     """
     best = _Solved([], equations, variables)
     candidates = []

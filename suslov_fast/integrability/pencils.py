@@ -23,31 +23,26 @@ from .rational_functions import rational_roots
 _HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
 
 
-class _Equations:
-    """The linear equations d/dv (g / f) = d/du (h / f) for g and h on a random plane."""
+def _equations(space: Sequence[Any], degree: int, p: int, rng: random.Random) -> Iterator[Any]:
+    """Yield the matrix of the equations for g and h, on one random plane, for each f of `space`.
 
-    def __init__(self, n: int, degree: int, p: int, rng: random.Random) -> None:
-        self._p, self._ring = p, polynomials.ring_modulo(p, 2)
-        u, v = self._ring.gens()
-        draws = [[rng.randrange(1, p) for _ in range(3)] for _ in range(n)]
-        self._points = [a + b * u + c * v for a, b, c in draws]
-        self._lower = [self._ring.from_dict({e: 1}) for e in exponents_up_to(degree - 1, 2)]
-        self._exponents = exponents_up_to(2 * degree - 2, 2)
-
-    def equations(self, P: Any) -> Any:
-        """Return the matrix of the equations for f = P modulo p, without its first column.
-
-        Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for each monomial g, then h. The
-        gradient of f solves the equations; it is excluded by omitting the first column.
-        """
-        f = P.compose(*self._points, ctx=self._ring)
+    Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for each monomial g, then h. The
+    first column is left out, so that the gradient of f is no solution.
+    """
+    ring = polynomials.ring_modulo(p, 2)
+    u, v = ring.gens()
+    draws = [[rng.randrange(1, p) for _ in range(3)] for _ in range(variables_of(space[0]))]
+    points = [a + b * u + c * v for a, b, c in draws]
+    monomials = [ring.from_dict({e: 1}) for e in exponents_up_to(degree - 1, 2)]
+    exponents = exponents_up_to(2 * degree - 2, 2)
+    for f in (P.compose(*points, ctx=ring) for P in space):
         columns = []
         for variable, sign in ((1, 1), (0, -1)):
             slope = f.derivative(variable)
-            for g in self._lower:
+            for g in monomials:
                 terms = (sign * (g.derivative(variable) * f - g * slope)).to_dict()
-                columns.append([int(terms.get(e, 0)) for e in self._exponents])
-        return flint.nmod_mat(columns[1:], self._p).transpose()
+                columns.append([int(terms.get(e, 0)) for e in exponents])
+        yield flint.nmod_mat(columns[1:], p).transpose()
 
 
 def count_factors(P: Any) -> int:
@@ -56,7 +51,7 @@ def count_factors(P: Any) -> int:
     if degree < 1 or n < 2:
         return degree
     p = prime_of([P])
-    matrix = _Equations(n, degree, p, random.Random(0)).equations(modulo(P, p, EPS))
+    (matrix,) = _equations([modulo(P, p, EPS)], degree, p, random.Random(0))
     return 1 + int(matrix.ncols() - matrix.rank())
 
 
@@ -75,8 +70,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         rng, residues = random.Random(p), [modulo(P, p, eps) for P in (first, second)]
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # to leave out roots that depend on the plane
-            on_plane = _Equations(n, degree, p, rng)
-            A, B = map(on_plane.equations, residues)
+            A, B = _equations(residues, degree, p, rng)
             if A.rank() < A.ncols():  # then all members are reducible
                 return []
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))
@@ -93,7 +87,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
     """Return the polynomial in t that is 0 where the matrix first + t second loses rank.
 
-    Random combinations of rows make the matrices square; roots that depend on these are dropped.
+    Random combinations of rows make the matrices square. Roots that depend on them are left out.
     """
     columns, rows = first.ncols(), first.nrows()
     common = flint.nmod_poly([0], p)

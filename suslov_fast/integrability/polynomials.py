@@ -53,9 +53,10 @@ def ring_modulo(p: int, n: int) -> Any:
 
 
 def renamed(P: Any, names: Sequence[str] | None, letter: str = "") -> Any:
-    """Return a polynomial with its variables renamed to `names`, and its letter to `letter`.
+    """Return a polynomial with new names of its variables x and of its only letter.
 
-    None and "" keep names. python-flint takes ASCII names only: others are encoded, see `decoded`.
+    None and "" keep the old ones. Names that are not ASCII are encoded, since python-flint refuses
+    them; `decoded` writes them back.
     """
     old, symbolic = P.context().names(), letters_in(P)
     first = old[:symbolic] if letter in ("", "eps") else [_LETTER + letter] * symbolic
@@ -145,9 +146,9 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 
 
 def primitive(P: Any) -> Any:
-    """Return the multiple of P with coprime integer coefficients, the first of which is positive.
+    """Return the multiple of P with coprime integer coefficients and a positive first coefficient.
 
-    If eps is symbolic, the first coefficient of lowest order in eps decides the sign.
+    With letters, the first coefficient among the terms of lowest order in the first letter.
     """
     P = P.primitive()[1]
     orders = [e[0] for e in P.monoms()] if letters_in(P) else [0]
@@ -156,10 +157,9 @@ def primitive(P: Any) -> Any:
 
 
 def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
-    """Return the primitive irreducible factors of a polynomial, and their powers.
+    """Return the primitive irreducible factors of a polynomial, and their powers, in a fixed order.
 
-    Factors are sorted here, because results depend on their order. They are found over the
-    rationals: over the integers python-flint 0.9 fails if a coefficient is large.
+    Over the rationals, because over the integers python-flint 0.9 fails for large coefficients.
     """
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]
@@ -279,9 +279,9 @@ def selected(
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:
-    """Return [N_1, ..., N_n, det A]: the N_i / det A solve the linear system with rows (A | b).
+    """Return [N_1, ..., N_n, det A], such that N_i / det A solve the linear system A x = b.
 
-    Polynomials are eliminated in place, with exact divisions (Bareiss).
+    `system` has the rows of (A | b), and is overwritten: Bareiss's elimination, without fractions.
     """
     n, previous = len(system), 1
     for k in range(n):
@@ -304,9 +304,10 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
-    """Return primitive polynomials that span the same space as `rows` of their coefficients.
+    """Return a basis of the polynomials whose coefficients span `rows`: primitive polynomials.
 
-    A row has a pair (N, D) for each exponent, for N / D. Without letters, LLL shortens rows.
+    A row has a pair (N, D) for each of the `exponents`: the coefficient is N / D, a function of the
+    letters. Without letters, LLL makes the coefficients short.
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:
@@ -346,7 +347,7 @@ def limit(P: Any) -> Any:
 def with_independent_limits(space: Sequence[Any]) -> list[Any]:
     """Return a basis of the span of `space` with linearly independent limits for eps to 0.
 
-    While a combination of the basis has the limit 0, it is divided by eps, and replaces a member.
+    A combination with the limit 0 is divided by eps and replaces a member, until none is left.
     """
     basis = list(space)
     while letters_in(basis[0]) and rank([*map(limit, basis)]) < len(basis):

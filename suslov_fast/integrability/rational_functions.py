@@ -111,7 +111,7 @@ class RationalFunction(WithLetters):
     def __call__(self, x: Any, *unnamed: Any, **values: Any) -> Any:
         """Return the value at a point as a fraction, or at states (..., n, D) as floats.
 
-        A function with a symbolic eps, or with letters, needs their values, by name.
+        If the function has letters, such as a symbolic eps, pass a number for each by name.
         """
         numbers = self._numbers_for(values, unnamed) if self.letters or unnamed else {}
         point = self._all_numbers(numbers)
@@ -182,9 +182,6 @@ class RationalFunction(WithLetters):
 
     __radd__ = __add__
     __rmul__ = __mul__
-
-    def __pos__(self) -> RationalFunction:
-        return self
 
     def __neg__(self) -> RationalFunction:
         return self * -1
@@ -289,10 +286,7 @@ class RationalFunction(WithLetters):
 
 
 def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:
-    """Return the text of P**e, without brackets if P is the whole formula.
-
-    The degree and the number of terms stand for a P with more than `longest` characters.
-    """
+    """Return the text of P**e; a P of over `longest` characters appears as degree and size."""
     text = decoded(str(P))
     if longest is not None and len(text) > longest:
         text = f"[degree {degree_of(P)}, {len(P)} terms]"
@@ -360,8 +354,8 @@ def product_of(
 def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[RationalFunction]:
     """Yield the roots of a polynomial in one variable that are rational functions of letters.
 
-    ``search(p, values)`` returns its coefficients, lowest first, modulo p and with numbers `values`
-    for the letters of `ring`; none if there is no such polynomial.
+    ``search(p, values)`` returns its coefficients modulo p, lowest first, with the numbers `values`
+    for the letters of `ring`; or [], and there are no roots.
     """
     letters = letters_of(ring)
 

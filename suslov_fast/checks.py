@@ -47,17 +47,16 @@ _FEW = 64
 # other parameters from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
 OF_SYMBOLS = (
-    "symbols have no values: functions such as exact compute floats; formulas, symbolic in eps and "
-    "the state, are report(system).integrals and, of one step, kahan(field).formulas of "
-    "suslov_fast.integrability, and those of the paper are on the page docs/theory/paper.md; "
-    "sympy.lambdify([names], expressions) makes a function of expressions"
+    "symbols have no values: formulas are report(system).integrals and, of one step, "
+    "kahan(field).formulas of suslov_fast.integrability; sympy.lambdify([names], formulas) makes a "
+    "function of formulas"
 )
 _PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
 _HERE = os.path.dirname(__file__) + os.sep
 
 
 def wrong(name: str, expected: str, received: object = None, error: Any = ValueError) -> Any:
-    """Return the error "name must be expected, not received", or "must have" or "must hold"."""
+    """Return the error "name must be expected, not received"; also "must have" and "must hold"."""
     must = expected if expected.startswith(("have ", "hold ")) else f"be {expected}"
     instead = "" if received is None else f", not {received}"
     return error(f"{name} must {must}{instead}")
@@ -107,10 +106,9 @@ def one_number(name: str, value: Any, how: str = "") -> float:
 
 def positive(name: str, value: Any) -> float:
     """Return a positive finite number as a float."""
-    number = real_number(name, value)
-    if not isinstance(number, float) or number <= 0.0:
-        how = ": one number, in a call for each" * isinstance(number, np.ndarray)
-        raise wrong(name, "a positive number", f"{short(value)}{how}")
+    number = one_number(name, value, ": one number, in a call for each")
+    if number <= 0.0:
+        raise wrong(name, "positive", short(value))
     return number
 
 
@@ -213,8 +211,7 @@ def float_array(name: str, value: Any) -> FloatArray:
             what += ": split complex variables into real and imaginary parts"
         if array.dtype.kind == "O":
             item = next(each for each in array.flat if not isinstance(each, numbers.Real))
-            what = f", in which {short(item)}" if array.ndim else ""
-            what += f" is a {kind_of(item)}" if array.ndim else f", a {kind_of(item)}"
+            what = f": {short(item)} is of the type {kind_of(item)}"
             what += f": {OF_SYMBOLS}" * hasattr(item, "free_symbols")
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
@@ -328,9 +325,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
 def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -> str:
     """Return a string that is one of the choices."""
     if not isinstance(value, str) or value not in choices:
-        expected = "one of " if len(choices) > 1 else ""
-        expected += ", ".join(map(repr, choices))
-        raise wrong(name, expected, short(value) + instead)
+        raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value) + instead)
     return value
 
 
@@ -366,12 +361,9 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
-        instead = ""
-        if expected is Mapping:
-            called, instead = "a dictionary", ": a text is read by json.loads"
-        elif all(hasattr(kind, "_called") for kind in classes):
-            instead = ": pass a body, or a field such as Field(f, names)"
-        raise wrong(name, called, kind_of(value) + instead, TypeError)
+        is_system = all(hasattr(kind, "_called") for kind in classes)
+        how = ": pass a body, or a field such as Field(f, names)" * is_system
+        raise wrong(name, called, kind_of(value) + how, TypeError)
 
 
 def either(names: Sequence[str]) -> str:

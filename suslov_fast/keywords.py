@@ -21,9 +21,9 @@ _ORDINALS = "first", "second", "third", "fourth", "fifth"
 
 
 def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
-    """Return the error of an object, class or module that has no such attribute.
+    """Return the AttributeError of an object, class or module that lacks the attribute `name`.
 
-    `here` is the name to use; if it is empty, the table of words is searched.
+    The message says to use `here` or, if `here` is "", what the table of words has for `name`.
     """
     if isinstance(thing, ModuleType | type):
         kind = "module" if inspect.ismodule(thing) else "type object"
@@ -39,9 +39,10 @@ def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
 
 
 def missing_in(module: str, name: str) -> Exception:
-    """Return the error of a package that has no such name, for its `__getattr__`.
+    """Return the error of a package that lacks a name, for the `__getattr__` of the package.
 
-    ``from package import name`` hides the text of an AttributeError, so it gets an ImportError.
+    For ``from package import name`` it is an ImportError, because Python would hide the text of an
+    AttributeError.
     """
     if find_spec(f"{module}.{name}"):  # a module that is being imported
         return AttributeError(name)
@@ -129,10 +130,8 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
     if named and str(error).endswith("given") and len(args) > len(parameters) - len(named):
         others = ", ".join(name for name in known if name not in named)
-        value = args[len(parameters) - len(named)]  # the first argument without a place
-        shown = value if isinstance(value, int) else ""
         which = f"{others}; pass others" if others else "pass them"
-        return TypeError(f"{error}: {which} by name, as {named[0]}={shown}")
+        return TypeError(f"{error}: {which} by name, as {named[0]}=")
     return error
 
 

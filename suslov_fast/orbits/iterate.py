@@ -70,9 +70,10 @@ def step(
     if (after := batch_run.of_one()) is not None:
         return after
     batch_run.to(1)
-    batch_run.status[batch_run.status > 0] = 0  # `step` reports no passed poles
-    # A failure at step 0 is a given state with NaN, which needs no warning.
-    report_failures(batch_run, batch_run, "warn", since=1)
+    if np.count_nonzero(batch_run.status):
+        # `step` reports neither passed poles nor given states with NaN, which fail at step 0.
+        batch_run.status[(batch_run.status > 0) | (batch_run.failed_at == 0)] = 0
+        report_failures(batch_run, batch_run, "warn")
     return batch_run.final
 
 

@@ -16,12 +16,12 @@ ON_SINGULAR = "warn", "raise", "ignore"
 
 
 class SingularStepError(SuslovError, ArithmeticError):
-    """An error of :func:`iterate` with ``on_singular="raise"``: some trajectories failed.
+    """Some trajectories of :func:`iterate` failed, and ``on_singular="raise"`` was passed.
 
     Attributes
     ----------
     trajectories : Trajectories
-        The whole batch, also the trajectories that did not fail.
+        The whole run, with the trajectories that did not fail, too.
 
     Examples
     --------
@@ -46,34 +46,30 @@ class SingularStepError(SuslovError, ArithmeticError):
         return type(self), (str(self), self.trajectories)
 
 
-def report_failures(run: Any, batch_run: Any, on_singular: OnSingular, since: int = 0) -> None:
-    """Warn that trajectories of a run failed at step `since` or later, or raise an error.
+def report_failures(run: Any, batch_run: Any, on_singular: OnSingular) -> None:
+    """Warn of passed poles; warn of failed trajectories, or raise an error that contains the run.
 
-    `batch_run` has computed the run. Passed poles are a warning, even if failures are errors.
+    `batch_run` is the `BatchRun` that has computed the run.
     """
     status, failed_at = run.status, run.failed_at
-    if not (status.item() if status.size == 1 else status.any()):
+    if on_singular == "ignore" or not np.count_nonzero(status):
         return
-    if on_singular != "ignore":
-        report_poles(batch_run.problem, status, failed_at, batch_run.by_sign)
-    if status.min() >= 0:
-        return
+    report_poles(batch_run.problem, status, failed_at, batch_run.by_sign)
     texts = []
     for code, cause in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        failed = (failed_at >= since) & (status == code)
+        failed = status == code
         if failed.any():
             index = first_index(failed)
             texts.append(
                 f"{np.count_nonzero(failed)} of {failed.size} trajectories: {cause}, "
                 f"first: {spell(index)} at step {failed_at[index]}"
             )
-    passed = (status < 0) & (failed_at >= since) & (run.first_pole >= 0)
-    if texts and passed.any():
+    passed = (status < 0) & (run.first_pole >= 0)
+    if passed.any():
         why = "eps is too long"
         why += ", or the motion escapes" if batch_run.problem.body._may_escape else ""
         texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
-    message = "; ".join(texts)
-    if message and on_singular == "raise":
-        raise SingularStepError(message, run)
-    if message and on_singular == "warn":
-        warn(message, IntegrationWarning)
+    if texts and on_singular == "raise":
+        raise SingularStepError("; ".join(texts), run)
+    if texts:
+        warn("; ".join(texts), IntegrationWarning)

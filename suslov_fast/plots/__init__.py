@@ -1,1 +1,1 @@
-"""Phase portraits of bodies (extra `plots`)."""
+"""Phase portraits of bodies (extra `plots`), and the page of `explore`."""

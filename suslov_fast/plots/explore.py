@@ -39,7 +39,7 @@ def _around(name: str, value: float, least: float = 0.0) -> Quantity:
 
 
 class Page:
-    """The page of a system: a function that adds its sliders and figures to a Bokeh document.
+    """The page of `explore` for a system: a call adds sliders and figures to a Bokeh document.
 
     `options` are `eps` and `steps` of the map, or `time` of the motion.
     """
@@ -173,19 +173,19 @@ def explore(
 ) -> None:
     """Show a trajectory in the browser, with sliders for parameters, step size and initial state.
 
-    The page shows two components, which you choose there: in their plane, and over time. For a map
-    or a body the trajectory is an orbit of the map, and for a field it is the solution of the
-    equations. A body with `time` shows its motion, and a field with `eps` or `steps` an orbit of
-    Kahan's map. In a notebook the page is the output of the cell; elsewhere the call opens the
-    browser and lasts until Ctrl-C.
+    The page shows two components in their plane and over time; menus choose the components. By
+    default the trajectory of a map or a body is an orbit of the map, and the trajectory of a field
+    is the solution of its equations. `time` asks for the motion of a body, and `eps` or `steps` for
+    an orbit of Kahan's map of a field. In a notebook the page is the output of the cell. Elsewhere
+    the call opens the browser and lasts until Ctrl-C.
 
     Parameters
     ----------
     system : Map, Field, Suslov3D, SuslovND
-        The system. The slider of a parameter goes from 0 to twice its value, or in a family from
-        the least to the largest value.
+        The system. The slider of a parameter goes from 0 to twice its value. For a family it goes
+        from the least to the largest value.
     x0 : array_like(float, shape=(D,)), optional
-        The initial state, by default (1, 1/2, 1/3, ...). The first 20 components have sliders.
+        The initial state, by default (1, 1/2, 1/3, ...). Its first 20 components have sliders.
     eps : float, optional
         Step size of Kahan's map, by default 0.2 for a body.
     steps : int, optional
@@ -198,8 +198,7 @@ def explore(
     Raises
     ------
     ValueError, TypeError
-        The errors of :func:`iterate` or :func:`flow` for the first trajectory, before the page
-        opens.
+        As :func:`iterate` or :func:`flow` for the first trajectory, before the page opens.
     ImportError
         If Bokeh is not installed, the extra ``explore``.
 

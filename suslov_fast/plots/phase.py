@@ -14,14 +14,16 @@ from ..orbits.iterate import iterate
 # Orbits are drawn where abs(l) exceeds this part of its value in the middle of the orbit; at steady
 # states l is 0.
 _AT_THE_LINE = 0.07
+_MOST = 500  # the most steps before and after the middle of an orbit
 
 
 class Plane:
-    """The phase plane of a single body for a step size, by complex coordinates.
+    """The phase plane of a single body for a positive step size, in a complex coordinate z.
 
-    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
-    l = k + Re(conj(g) z) and e = eps / (2 sqrt(I1 I2)), the levels of F are
-    abs(z) / sqrt(1 + e**2 l**2) = R; the phase on a level is psi = arg(z / (1 - i e l)) - arg(g).
+    Let z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+    l = k + Re(conj(g) z), and e = eps / (2 sqrt(I1 I2)). The levels of the first integral F are the
+    curves abs(z) / sqrt(1 + e**2 l**2) = R. The phase of a state on its level is
+    psi = arg(z / (1 - i e l)) - arg(g).
     """
 
     def __init__(self, body: Suslov3D, eps: float) -> None:
@@ -50,35 +52,29 @@ class Plane:
         )
         return self.on_level(R, 0.5 * np.pi + 2.0 * half)
 
-    def orbits(self, R: float, most: int = 500) -> list[FloatArray]:
-        """Return states (N, 2) of orbits on the level R.
+    def orbits(self, R: float) -> list[FloatArray]:
+        """Return orbits, arrays of states (N, 2), on the level R.
 
-        A level without steady states has one orbit, for one turn. Otherwise there is one orbit on
-        each side of the line of steady states. It goes from near the line to near the line, with
-        at most `most` steps before and after its middle.
+        If no state of the level is steady, return one orbit that turns once. Otherwise return two
+        orbits, on both sides of the line of steady states, which begin and end near this line.
         """
         body, eps, k, A = self.body, self.eps, self.k, R * abs(self.g)
         middle = self.on_level(R, np.array([0.0, np.pi]))
         if abs(k) > A:
-            steps = np.pi / np.arctan(abs(self.e) * np.sqrt(k * k - A * A))
-            return [iterate(body, middle[0], eps, int(min(steps + 1.0, 2 * most))).states]
+            steps = np.pi / np.arctan(self.e * np.sqrt(k * k - A * A))
+            return [iterate(body, middle[0], eps, int(min(steps + 1.0, 2 * _MOST))).states]
         before, after = (
-            iterate(body, middle, step, most, on_singular="ignore").states for step in (-eps, eps)
+            iterate(body, middle, step, _MOST, on_singular="ignore").states for step in (-eps, eps)
         )
         orbits = np.moveaxis(np.concatenate([before[:0:-1], after]), 1, 0)
         l = abs(orbits @ self.products + k)
-        shown = l > _AT_THE_LINE * l[:, most, np.newaxis]
+        shown = l > _AT_THE_LINE * l[:, _MOST, np.newaxis]
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
-    def steady_line(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return the steady state of least energy, and the direction of the repelling half-line.
-
-        Return None if the line of steady states does not exist.
-        """
-        if not self.g:
-            return None
+    def steady_line(self) -> tuple[FloatArray, FloatArray]:
+        """Return the steady state of least energy, and the direction of the repelling half-line."""
         least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
-        direction = np.copysign(1.0, self.eps) * self.products[::-1] * [1.0, -1.0]
+        direction = self.products[::-1] * [1.0, -1.0]
         return least + 0.0, direction / np.hypot(*direction)
 
 
@@ -94,17 +90,17 @@ def plot_phase(
 ) -> Any:
     """Draw the phase plane of a body: orbits of the map, and levels of its first integral F.
 
-    The figures in section 4 of Dragovic and Gajic, arXiv:0807.2966, are of this kind.
+    Section 4 of Dragovic and Gajic, arXiv:0807.2966, has four such figures.
 
     Parameters
     ----------
     body : Suslov3D
         A single body, with I13 or I23 other than 0, or a rotor.
     eps : float, optional
-        Positive step size, with which the criticality is below 1 in the whole figure. By default
-        the criticality is about 0.2 in the corners.
+        Positive step size for which :meth:`Suslov3D.criticality` is below 1 in the whole figure. By
+        default it is about 0.2 in the corners.
     extent : float
-        Half-width of the square of angular velocities shown.
+        The figure shows angular velocities from -extent to extent.
     levels : int
         Number of levels, at least 1.
     ax : matplotlib.axes.Axes, optional
@@ -114,9 +110,9 @@ def plot_phase(
     Returns
     -------
     matplotlib.axes.Axes
-        Each level is a thin curve, with orbits of the map as dots of the same colour; an arrow
-        shows the direction of motion. Attracting steady states are a solid line, and repelling
-        steady states a dashed line.
+        Each level of F has a colour: a thin curve is the level, dots are orbits of the map, and an
+        arrow shows the direction of motion. Attracting steady states are a solid line, and
+        repelling steady states a dashed line.
 
     Raises
     ------
@@ -155,8 +151,8 @@ def plot_phase(
         for orbit in plane.orbits(R):
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)
-    if line := plane.steady_line():
-        _steady_states(axes, k, *line, 4.0 * extent)
+    if plane.g:
+        _steady_states(axes, k, *plane.steady_line(), 4.0 * extent)
     style = {"color": colours[levels // 2], "linewidth": 0.8}
     axes.plot([], [], "-", label="levels of $F$, one colour each", **style)
     axes.plot([], [], ".", label="states of the map", **style)

@@ -111,12 +111,11 @@ def _components(run: Any, components: Sequence[Any]) -> list[int]:
         components = ("time", *components)
     if len(names) == 2 and tuple(components) == (0, 1):  # the only component, over time
         components = ("time", 0)
-    shown = ", ".join(names if len(names) < 20 else [*names[:3], "...", *names[-2:]])
-    expected = f"two or three integers from 0 to {len(names) - 2}, or names among {shown}"
+    last = len(names) - 2
+    expected = f"two or three integers from 0 to {last}, or names among {short(names)}"
     unknown = [k for k in components if isinstance(k, str) and k not in names]
     if len(components) not in (2, 3) or unknown:
         raise wrong("components", expected, short(components))
-    last = len(names) - 2
     places = (
         names.index(k) if isinstance(k, str) else integer("components", k, 0, expected, last)
         for k in components

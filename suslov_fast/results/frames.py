@@ -31,7 +31,7 @@ def to_xarray(run: Any, batch: Sequence[str] | None = None) -> Any:
             values,
             special.get(column.name, {"long_name": column.meaning}),
         )
-        for column in in_datasets(type(run).__name__, "turns", "events")
+        for column in in_datasets(type(run).__name__)
         if (values := value_of(run, column.name)) is not None
     }
     if is_of_map:

@@ -1,7 +1,4 @@
-"""Columns of results: a table for each class, from which datasets and files are made.
-
-`FORMAT` increases when files get another column than in the last release.
-"""
+"""Columns of results: a table for each class, from which datasets and files are made."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ..core.flow.batch_solver import Settings
 
-FORMAT = 17  # version of files
+FORMAT = 17  # version of files: it increases when columns differ from the last release
 
 
 class Column(NamedTuple):
@@ -73,13 +70,9 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
 }
 
 
-def in_datasets(kind: str, *conditions: str) -> list[Column]:
-    """Return the columns in datasets of results of a class, where `conditions` hold.
-
-    Columns of private attributes are in files alone.
-    """
-    columns = [c for c in OF_KIND[kind] if not c.when or c.when in conditions]
-    return [c for c in columns if not c.name.startswith("_") and not c.axes.startswith("event")]
+def in_datasets(kind: str) -> list[Column]:
+    """Return the columns of a class that datasets contain: no private ones, no tables of events."""
+    return [c for c in OF_KIND[kind] if not c.name.startswith("_") and "event" not in c.axes]
 
 
 def value_of(result: Any, name: str) -> Any:

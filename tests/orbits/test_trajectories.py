@@ -102,7 +102,7 @@ def test_parameters_as_coordinates():
 def test_contents_of_a_dataset():
     run = run_of("turning")
     data = run.to_xarray()
-    others = {column.short for column in in_datasets("Trajectories", "turns")}
+    others = {column.short for column in in_datasets("Trajectories")}
     assert {*data.variables} - others == {*"n time eps component I1 I2 I13 I23".split()}
     assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
     assert (data.states.sel(n=5, component="Omega2") == run.states[1, :, 1]).all()

@@ -52,7 +52,9 @@ def pytest_collection_modifyitems(config, items):
 
     cases = defaultdict(list)
     for item in items:
-        if "slow" in item.path.relative_to(config.rootpath).parent.parts:
+        slow = item.get_closest_marker("slow_cases")
+        is_slow = slow and item.callspec.id in slow.args
+        if is_slow or "slow" in item.path.relative_to(config.rootpath).parent.parts:
             item.add_marker("slow")
         is_sampled = item.get_closest_marker("sampled") and not item.get_closest_marker("slow")
         if is_sampled:

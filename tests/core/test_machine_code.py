@@ -103,9 +103,8 @@ WAYS = {
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
-@pytest.mark.parametrize(
-    "way", [way if way == "pieces" else pytest.param(way, marks=pytest.mark.slow) for way in WAYS]
-)
+@pytest.mark.slow_cases("loops over the matrix", "SuperLU")
+@pytest.mark.parametrize("way", WAYS)
 def test_other_ways_to_compute_a_step(rng, monkeypatch, anew, way):
     """Of steps that are good, near a pole, beyond one, and of NaN; of one orbit as of a batch."""
     x0 = rng.normal(size=(9, 5)) * np.geomspace(1e-3, 30.0, 9)[:, None]

@@ -336,7 +336,7 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         (ENERGY, 1, "quadratic", [3], [1], ["3*x1 + 32"]),
         # More Darboux polynomials of one cofactor than products of lower degree; a norm.
         (SOLVED, 4, "linear", [1, 2], [4], None),
-        pytest.param(volterra(4), 3, "linear", [1, 2, 2], [3], None, marks=pytest.mark.slow),
+        (volterra(4), 3, "linear", [1, 2, 2], [3], None),
         (PLANAR, 3, "exponential", [], [], []),
         # The density is a product of powers of polynomials of several cofactors.
         (SIR, 1, "exponential", [1], [2], ["x1", "x2", "x1 + x2 + x3"]),
@@ -395,9 +395,7 @@ def test_a_map_without_inverse_and_no_map():
     [
         (Field(lambda x: (x[0], 2 * x[1]), 2), -1),
         (Field(lambda x: (x[0], 2 * x[1]), 2), 2),
-        pytest.param(
-            *(Field(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2), marks=pytest.mark.slow
-        ),
+        (Field(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2),
         (Field(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1),
         (Field.from_terms([[[0]]], [[-8]], [1]), EPS),
     ],
@@ -533,12 +531,9 @@ def test_a_hamiltonian_that_was_not_given():
         # Lines through 0 are reflected at those of steady states.
         (BODY._field, ["(-Omega1, -Omega2)", "(1/2*Omega2, 2*Omega1)"]),
         (ENERGY, ["(x1, -x2)"]),
-        (PREY, ["(x2, x1)"]),
         (Field(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
-        pytest.param(
-            *(CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
-            marks=pytest.mark.slow,
-        ),
+        (PREY, ["(x2, x1)"]),
+        (CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
         (PLANAR, []),
     ],
 )

@@ -66,10 +66,7 @@ HENON = rational_map(
         (ZOO["Lyness"][0], [1, 1, 7], 0, "x - 1"),
         (ZOO["Hone-Quispel"][0], [2, 2, 4, 4], 0, "x - 1"),
         (ZOO["McMillan"][0], [2, 2], 0, "x - 1"),
-        pytest.param(
-            *(HIETARINTA_VIALLET, [3], math.log((3 + math.sqrt(5)) / 2), "x^2 - 3*x + 1"),
-            marks=pytest.mark.slow,
-        ),
+        (HIETARINTA_VIALLET, [3], math.log((3 + math.sqrt(5)) / 2), "x^2 - 3*x + 1"),
         (HENON, [None], math.log(2), "x - 2"),
         (kahan(Field(lambda x: (x[0], 2 * x[1]), 2), THIRD), [], 0, "x - 1"),
     ],

@@ -56,9 +56,8 @@ SLOW = "jumps", "bumps"
 WITH_SURFACES = "ReLU", *SLOW  # the step to a surface has other roundings than with written sums
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in FORMS]
-)
+@pytest.mark.slow_cases(*SLOW)
+@pytest.mark.parametrize("name", FORMS)
 @pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")  # some states slide
 def test_have_the_bits_of_written_sums(name, monkeypatch):
     short, long = both(FORMS[name], monkeypatch)

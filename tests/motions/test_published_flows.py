@@ -13,7 +13,8 @@ from systems import tables
 
 from suslov_fast import Field, Status, iterate, lyapunov_exponents
 
-FLOWS = json.loads((Path(__file__).parents[1] / "data" / "flows.json").read_text("utf-8"))["flows"]
+DATA = json.loads((Path(__file__).parents[1] / "data" / "flows.json").read_text("utf-8"))
+FLOWS = {flow["name"]: flow for flow in DATA["flows"]}
 ORDINARY = "Rossler", "SprottB", "LorenzStenflo"
 # One each of those that are alike.
 SLOW = "Lorenz", "RikitakeDynamo", "NoseHoover", "HyperRossler", "Lorenz96"
@@ -26,17 +27,10 @@ def field_of(flow):
     return Field.from_equations(text, **flow["parameters"])
 
 
-@pytest.mark.parametrize(
-    "flow",
-    [
-        pytest.param(
-            flow, marks=[pytest.mark.slow] * (flow["name"] not in ORDINARY), id=flow["name"]
-        )
-        for flow in FLOWS
-        if flow["name"] in (*ORDINARY, *SLOW)
-    ],
-)
-def test_published_flows(flow):
+@pytest.mark.slow_cases(*SLOW)
+@pytest.mark.parametrize("name", [*ORDINARY, *SLOW])
+def test_published_flows(name):
+    flow = FLOWS[name]
     field, eps = field_of(flow), flow["period"] / PER_PERIOD
     assert field.names == tuple(flow["variables"])
     run = iterate(field, flow["start"], eps, 100 * PER_PERIOD, save_every=40)
@@ -44,11 +38,11 @@ def test_published_flows(flow):
     first, second = np.split(run.states[1:], 2)
     assert abs(second).max() < 3 * abs(first).max()
     # Windows that do not overlap, since the map takes the same orbit from each state on it.
-    steps, windows = flow["periods"] * PER_PERIOD, 4 if flow["name"] in ORDINARY else 8
+    steps, windows = flow["periods"] * PER_PERIOD, 4 if name in ORDINARY else 8
     starts = iterate(field, run.final, eps, (windows - 1) * steps, save_every=steps).states
     rates = lyapunov_exponents(field, starts, eps, steps)
     largest = rates[:, 0]
-    if flow["name"] == "NoseHoover":  # conservative: depends on the orbit
+    if name == "NoseHoover":  # conservative: depends on the orbit
         assert (largest > 0).all()
         assert abs(rates.sum(axis=1)).max() < 0.01
     else:
@@ -62,6 +56,6 @@ def test_published_flows(flow):
 
 def test_no_flow_passes_a_pole_at_long_steps():
     """Of 1 / 25 of a period: what is resolved raises no alarm. Each is bounded."""
-    for flow in FLOWS:
+    for name, flow in FLOWS.items():
         run = iterate(field_of(flow), flow["start"], flow["period"] / 25, 2500, save_every=None)
-        assert (run.status, run.failed_at) == (Status.OK, -1), flow["name"]
+        assert (run.status, run.failed_at) == (Status.OK, -1), name

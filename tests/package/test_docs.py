@@ -146,13 +146,9 @@ LONG += ("letters.md",)
 
 @pytest.mark.compiled
 @pytest.mark.sampled(6)
+@pytest.mark.slow_cases(*LONG)
 @pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=[pytest.mark.slow] * (path.name in LONG), id=path.name)
-        for path in PAGES
-        if blocks(path, "python")
-    ],
+    "path", [path for path in PAGES if blocks(path, "python")], ids=attrgetter("name")
 )
 def test_page(path, folder, tmp_path, monkeypatch):
     """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""

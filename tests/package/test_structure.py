@@ -234,10 +234,8 @@ LONG = "suslov_fast.compiled", "suslov_fast.integrability.linear_relations"
 
 
 @pytest.mark.sampled(10)
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in WITH_EXAMPLES],
-)
+@pytest.mark.slow_cases(*LONG)
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_examples(name):
     assert doctest.testmod(importlib.import_module(name)).failed == 0
 

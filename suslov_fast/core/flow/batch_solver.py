@@ -118,10 +118,9 @@ def code_of(integrator, W, for_each):
 
 
 class EventTimes:
-    """The given times of events, ascending, in one row for all trajectories or one row for each.
+    """The given times of events, ascending: `times`, moduli, and `which` events these are.
 
-    times   moduli (1 or B, n), infinity for none
-    which   numbers of the events (1 or B, n)
+    Both arrays have n columns, and one row for all trajectories or B rows. Times pad with infinity.
     """
 
     def __init__(self, times, which):
@@ -236,7 +235,7 @@ class BatchSolver:
     def run(self, threads=1, begun=None):
         """Take all steps, from the start or from `begun`: (rows, table, records) of a small batch.
 
-        This thread calls `report` from time to time. If `report` returns False, the steps end.
+        If `report`, which this thread calls from time to time, returns False, the steps end.
         """
         B = len(self.x0)
         self.caller = get_ident()
@@ -304,7 +303,7 @@ class BatchSolver:
     def _steps(self, integrator, rows, which, W, abandoned):
         """Take steps with one integrator, until no trajectory uses it or `abandoned` has an entry.
 
-        `rows` (K, -) has the data of K trajectories, and `which` their numbers, for W lanes.
+        `rows` (K, -) are rows of the trajectories with the numbers `which`.
         """
         runner = self._runner(integrator, rows, which, W)
         while not abandoned:
@@ -334,8 +333,7 @@ class BatchSolver:
 class StepRunner:
     """A call of an integrator's code for W lanes: its arguments and its memory.
 
-    The method `take` computes steps of the trajectories in `rows`, with one table for all or one
-    for each. The arrays `numbers` and `components` are from `numbers_of` and `components_of`.
+    It takes steps of the trajectories in `rows`, with one table for all or one for each.
     """
 
     def __init__(self, integrator, W, rows, table, numbers, components):
@@ -347,7 +345,7 @@ class StepRunner:
         ))  # fmt: skip
         # The arguments hold the addresses of all these arrays.
         self.rows, self.table, self.numbers, self.components = rows, table, numbers, components
-        self.at, self.records, self.known = self.arguments.buffer_info()[0], None, {}
+        self.at, self.records, self.known = self.arguments.buffer_info()[0], [], {}
         self.use(integrator)
 
     def use(self, integrator):
@@ -366,7 +364,7 @@ class StepRunner:
         self.arguments[SLOT.state_bytes] = state_bytes
 
     def point_to_events(self, event_times, equal, records):
-        """Let `self.take` read `event_times`, pairs (time, event), and append actions to `records`.
+        """Let `take` read `event_times`, pairs (time, event), and append actions to `records`.
 
         `equal` is the largest number of events at one time.
         """
@@ -387,7 +385,7 @@ class StepRunner:
         is_done = self.call(self.at)
         if is_done:  # the next call begins with the first trajectory
             arguments[SLOT.following] = 0
-        if self.records is not None and (count := arguments[SLOT.recorded]):
+        if count := arguments[SLOT.recorded]:
             self.records.append(self.buffer[:count].copy())
             arguments[SLOT.recorded] = 0
         return is_done

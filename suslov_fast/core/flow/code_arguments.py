@@ -15,7 +15,7 @@ class CodeArguments(NamedTuple):
     table_bytes: int  # bytes between the tables of successive trajectories
     work: int  # address of the workspace, see `memory.rows_of_work`
     numbers: int  # address of `SharedNumbers`
-    components: int  # address of the rows of `ComponentNumbers` (6, D)
+    components: int  # address of the rows of `ComponentNumbers`, D numbers each
     times: int = 0  # address of the moduli of requested times, ascending, then two infinities
     states: int = 0  # address of the states at requested times (count, trajectories, D)
     state_bytes: int = 0  # bytes of the saved states at one time

@@ -11,10 +11,10 @@ def size_of(f):
 
 
 def record(code, truth, k, before, f_before):
-    """Write a record of event k in lanes `truth`: trajectory, k, time, and the states at the event.
+    """Write records of event k in lanes `truth`: its trajectory, k, time, and both states.
 
-    The states are `before`, D rows, and the row `new`. If f has columns of derivatives, `tau`
-    (how much earlier displaced solutions reach the event) and f before and after it follow.
+    The states are `before`, D rows, and the row `new`. If f has columns of derivatives, `tau` (how
+    much earlier displaced solutions reach the event) and f before and after the event follow.
     """
     text, of, work, D = code.text, code.of, code.work, code.D
     one = text.lanes(1)

@@ -133,10 +133,9 @@ class ExplicitColumns(FunctionCode):
         return lambda name, of: self.call(name, of, table, f)
 
     def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return {i: rate} at the end of the last column, for rates that sub-steps do not evaluate.
+        """Return {i: rate} at the end of the last column, if sub-steps do not evaluate them.
 
-        Gragg's rule has none; `StormerColumns` overrides this. `a`, `b` are the last states, `of_b`
-        the components in b. `call`, a result of `caller`, writes rates if f is not inlined.
+        Gragg's rule has none; Störmer's rule overrides this. Arguments are as in `StormerColumns`.
         """
         return {}
 
@@ -198,7 +197,7 @@ class ExplicitColumns(FunctionCode):
     def in_lanes(self, lanes):
         """Add code that computes all columns of one trajectory, in lanes of `lanes` (a `Code`).
 
-        Three columns (IN_LANES) share each entry of a matrix of f that is loaded.
+        So columns that IN_LANES puts side by side share each entry of a matrix of f that is loaded.
         """
         text, work, D = self.text, self.work, self.D
         x, f, own = text.array("%x"), text.array("%f"), work.lanes.at()

@@ -9,25 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..numba import status_codes
 from ..numba.decorators import function
 from ..numba.intrinsics import call_code, with_address
-from ..numba.status_codes import (
-    ACCUMULATES,
-    ENDED,
-    NONFINITE,
-    OK,
-    SLIDING,
-    STOPPED,
-    TOO_MANY_STEPS,
-)
-from .batch_solver import (
-    NO_EVENT_TIMES,
-    closer,
-    code_of,
-    components_of,
-    integrator_of,
-    numbers_of,
-)
+from ..numba.status_codes import NONFINITE, OK
+from . import batch_solver
 from .code_arguments import COMPONENT, NUMBER, SLOT
 from .event_actions import most_records
 from .event_records import size_of
@@ -36,10 +22,10 @@ from .memory import BEGINS, LaneState
 from .program_code import TABLE, code_of_program
 
 # Status by `LaneState`; the last entry is for a run that was ended before its first step (-1).
-STATUS = np.full(LaneState.AGAIN + 2, TOO_MANY_STEPS, np.int8)
-STATUS[LaneState.DONE], STATUS[LaneState.ENDED] = OK, ENDED
-STATUS[LaneState.NO_VALUE], STATUS[LaneState.SLIDING] = NONFINITE, SLIDING
-STATUS[LaneState.STOPPED], STATUS[LaneState.ACCUMULATES] = STOPPED, ACCUMULATES
+STATUS = np.full(LaneState.AGAIN + 2, status_codes.TOO_MANY_STEPS, np.int8)
+STATUS[LaneState.DONE], STATUS[LaneState.NO_VALUE] = OK, NONFINITE
+for _name in ("ENDED", "SLIDING", "STOPPED", "ACCUMULATES"):
+    STATUS[getattr(LaneState, _name)] = getattr(status_codes, _name)
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
@@ -116,23 +102,24 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     has columns of derivatives, the last ones belong to the parameters with the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
-    has_atol, again = settings.atol is not None, closer(settings)
+    has_atol, again = settings.atol is not None, batch_solver.closer(settings)
     # The last integrators compute motions again, see `growing_components`.
-    both = [(mode, is_relative) for is_relative in (False, True) for mode in modes]
-    integrators = [integrator_of(f, mode, has_atol, relative) for mode, relative in both]
-    codes = [code_of(integrator, 1, f.branches is not None) for integrator in integrators]
+    both = [(mode, has_atol, is_relative) for is_relative in (False, True) for mode in modes]
+    integrators = [batch_solver.integrator_of(f, *each) for each in both]
+    codes = [batch_solver.code_of(each, 1, f.branches is not None) for each in integrators]
     of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
-    (times, equal), rows = (event_times or NO_EVENT_TIMES).array, integrators[0].rows
-    row, numbers = np.zeros(rows.size), np.array(numbers_of(settings, 1))
+    times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
+    rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(settings, 1))
+    row = np.zeros(rows.size)
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
     at_once, size = 0, size_of(f)
     if f.events:
         row[rows.stop : rows.stop + 2] = times[0, 0]
         at_once = 2 * most_records(f.events, equal) * size
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
-    both = components_of(f, settings), components_of(f, again)
-    others = [*both, np.array(numbers_of(again, 1)), times]
+    others = [batch_solver.components_of(f, each) for each in (settings, again)]
+    others += [np.array(batch_solver.numbers_of(again, 1)), times]
     ends = np.cumsum([each.size for each in others]).tolist()
     constants = np.concatenate([*others, *parts], axis=None)
     most = max(of_this, *(integrator.work.size for integrator in integrators))

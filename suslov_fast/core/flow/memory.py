@@ -11,10 +11,7 @@ from ..expressions.event_formulas import OF_SURFACE
 
 
 class LaneState:
-    """The state of a lane, in its row `state`, which decides its next action.
-
-    The states are plain numbers: NumPy compares with enum members ten times as slowly.
-    """
+    """The states of a lane; plain numbers, because NumPy compares with enum members slowly."""
 
     EXPLICIT = 0
     IMPLICIT = 1
@@ -32,10 +29,7 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 
 def rows_of_trajectory(integrator):
-    """Return the first row of each part of a trajectory's data, and `size`, the number of rows.
-
-    The counts are attributes of the integrator, or of its right-hand side f.
-    """
+    """Return the first row of each part of a trajectory's data, and their number, `size`."""
     f, watched, events = integrator.f, integrator.watched, integrator.events
     D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
     surfaces, actions = integrator.event_surfaces, events.count if acts else 0
@@ -89,10 +83,7 @@ def rows_of_trajectory(integrator):
 
 
 def rows_of_work(integrator):
-    """Return the first row of each part of a step's workspace, and `size`, the number of rows.
-
-    The counts are attributes of the integrator, or of its right-hand side f.
-    """
+    """Return the first row of each part of a step's workspace, and their number, `size`."""
     f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
     D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces

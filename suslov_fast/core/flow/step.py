@@ -78,10 +78,7 @@ def take_step(code):
 
 
 def _find_columns(code):
-    """Write the ends of columns minus x, y_c - x, to the rows `ends` of the workspace.
-
-    Return |mu|, the largest rate of the motion, if the step is implicit, else None.
-    """
+    """Write y_c - x to the rows `ends`; return |mu|, the largest rate, after implicit columns."""
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
@@ -93,8 +90,7 @@ def _find_columns(code):
 def _estimate_errors(code, kept, sizes):
     """Return inputs of `step_length.AFTER` by name, such as `ratio`, the error / allowed error.
 
-    `kept` is 0 where a component has lost its sign; `sizes` has the largest moduli of x and of
-    derivatives, for the allowed errors. Both are results of `find_next_state`.
+    `kept` and `sizes` are results of `find_next_state`.
     """
     integrator, work = code.integrator, code.work
     if integrator.is_implicit:
@@ -110,10 +106,7 @@ def _estimate_errors(code, kept, sizes):
 
 
 def _accept(code, errors, t):
-    """Decide which lanes accept the step, which began at time t, and how long the next step is.
-
-    `errors` is the dict of `_estimate_errors`; it receives the result `accepted`.
-    """
+    """Decide which lanes accept the step, also in `errors`, and how long the next step is."""
     line, work = code.line, code.work
     found = code.apply(step_length.AFTER, **errors, last=code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")

@@ -18,11 +18,11 @@ from .stormer import StormerColumns
 
 
 def text_of_integrator(integrator, name, W, for_each):
-    """Return LLVM's text of the function i64 name(arguments) of an `Integrator`, for W lanes.
+    """Return LLVM's text of an `Integrator` for W lanes: a function i64 name(arguments).
 
-    Its argument is the address of `CodeArguments`. If `for_each` is True, each lane has its own
-    table. The function takes all steps with this integrator, and returns 1; or 0 when the budget of
-    steps is spent, and the next call continues. When a trajectory ends, its lane starts another.
+    Its argument is the address of `CodeArguments`. The function takes all steps with this
+    integrator, and returns 1; or 0 if the budget of steps is spent, and the next call continues. If
+    `for_each` is True, each lane has its own table.
     """
     text = Code(W)
     for key, function in integrator.functions.items():

@@ -41,8 +41,8 @@ class StormerColumns(ExplicitColumns):
     def rates_at_end(self, a, b, table, of_b, call=None):
         """Return {i: rate} of the set A at the end of the last column; {} if `call` writes them.
 
-        The end has components A in `a` and B, `of_b`, in `b`; B is copied to `a`. `table` is f's
-        table. If f is not inlined, call(name, x) writes rates at x to rows.
+        There b has the components `of_b` of the end; they are copied to a, which has the others. If
+        f is not inlined, call(name, x) writes rates at x to rows.
         """
         for i in of_b:
             a[i] = b[i]

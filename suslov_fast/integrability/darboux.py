@@ -208,10 +208,7 @@ def checked_degree(name: str, degree: Any, n: int, least: int = 0, most: int = 3
 
 
 def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield cofactors C of Darboux polynomials of a degree, P(Phi) = C P.
-
-    All others are products of these and of cofactors of lower degrees.
-    """
+    """Yield cofactors of Darboux polynomials of a degree; others are products of lower ones."""
     for candidate in candidate_cofactors(map, degree):
         yield from with_constants(map, degree, candidate)
     yield from _of_poles(map, degree)
@@ -220,7 +217,7 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield the cofactors of the polynomials of this degree among F_0 and the map's factors.
 
-    `candidate_cofactors` may lack them, because a factor of F_0 need not divide its pullback.
+    They need not be `candidate_cofactors`, because a factor of F_0 need not divide its pullback.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:
@@ -261,10 +258,7 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 
 
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield products C of powers of the map's factors that may be cofactors, up to a constant c.
-
-    If P(Phi) = c C P has a solution P of this degree, `with_constants` finds c.
-    """
+    """Yield products of powers of the map's factors that may be cofactors, up to a constant."""
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
         raise ArithmeticError(f"the factors of det DPhi are not known: they need {needed}")
@@ -281,9 +275,9 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield c * candidate for all constants c that make it a cofactor of some P up to a degree.
+    """Yield c * candidate for all c that make it a cofactor of a polynomial up to a degree.
 
-    The constants are eigenvalues of the pullback divided by the candidate.
+    The constants c are the eigenvalues of P -> P(Phi) / candidate.
     """
 
     def search(p: int, eps: Values) -> list[Any]:
@@ -306,11 +300,10 @@ def with_constants(
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
 ) -> Iterator[tuple[int, ...]]:
-    """Yield tuples e such that the product of `factors`**e divides P(F) for a P of this degree.
+    """Yield exponents of `factors` for which the product of powers divides a pullback P(F).
 
-    F are the homogeneous forms of the map, and the quotient has the degree of P. If `at_infinity`,
-    the product may also contain powers of the last coordinate, which are not in e. Divisibility is
-    tested modulo a prime, on random lines.
+    P and the quotient have this degree. If `at_infinity`, the product may also contain a power of
+    the last coordinate; it is not yielded. Divisibility is tested modulo a prime, on random lines.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -348,7 +341,7 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, free: int) -> Iterator[tuple[int, ...]]:
-        """Yield exponents that begin with `powers`; the others make a product of degree `free`.
+        """Yield exponents that begin with `powers`, with a product of degree `free` of the others.
 
         `system` are the linear equations for P that `powers` imply.
         """

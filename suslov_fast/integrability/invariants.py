@@ -49,8 +49,8 @@ _ONE = Product(0, ())
 class Invariants:
     """The known Darboux polynomials of a map, and the integrals and measures that they imply.
 
-    `generators` are Darboux polynomials; none is a linear combination of products of others. In
-    methods, `value` stands for a cofactor, see the method of this name.
+    None of the `generators` is a linear combination of products of others. Methods identify a
+    cofactor by its `value` at a random point modulo a prime.
     """
 
     def __init__(self, map: RationalMap, degree: int) -> None:
@@ -71,7 +71,7 @@ class Invariants:
         self._point = arithmetic.random_point(map.dimension, self.p)
 
     def value(self, cofactor: Any) -> int:
-        """Return the value of a cofactor at a random point modulo a prime, which identifies it."""
+        """Return the value of a cofactor at a random point modulo a prime."""
         return int(cofactor.values_modulo(self.p, EPS, [self._point])[0])
 
     # Generators and their products.
@@ -132,7 +132,7 @@ class Invariants:
         return new
 
     def normalize(self, value: int) -> list[RationalFunction]:
-        """Replace generators of a cofactor by polynomials of `normal_basis`; return these."""
+        """Replace generators of a cofactor by `normal_basis`; return those that are new."""
         elements = self.elements(value)
         space = [self.polynomial(f) for f in elements]
         if not space or self._normal.get(value) == str(space):
@@ -144,8 +144,17 @@ class Invariants:
         # Products of generators of other cofactors stay; the others are replaced.
         texts = {str(self.generators[k]) for k in self._numbers(value)}
         kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
-        proof = IDENTITY if all(f.basis == IDENTITY for f in elements) else MODULAR
-        new = self._replace(value, [*polynomials.selected(basis, kept)], proof)
+        simple = sorted(polynomials.selected(basis, kept), key=degree_of)
+        numbers = sorted(self._numbers(value), key=lambda k: self.generators[k].degree)
+        new = []
+        if [self.generators[k].degree for k in numbers] == [degree_of(P) for P in simple]:
+            proof = IDENTITY if all(f.basis == IDENTITY for f in elements) else MODULAR
+            for k, P in zip(numbers, simple, strict=True):
+                old = self.generators[k]
+                g = replace(factored(P), constant=Fraction(1), basis=proof, cofactor=old.cofactor)
+                if str(g) != str(old):
+                    self.generators[k] = g
+                    new.append(g)
         self._normal[value] = str([*map(self.polynomial, self.elements(value))])
         return new
 
@@ -153,28 +162,10 @@ class Invariants:
         """Return the numbers of the generators with this cofactor value."""
         return [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
 
-    def _replace(self, value: int, space: list[Any], basis: str) -> list[RationalFunction]:
-        """Replace generators of this cofactor value by `space`; return those that change.
-
-        Degrees must be the same, else none changes; `basis` says how polynomials were confirmed.
-        """
-        numbers = sorted(self._numbers(value), key=lambda k: self.generators[k].degree)
-        space = sorted(space, key=degree_of)
-        if [self.generators[k].degree for k in numbers] != [degree_of(P) for P in space]:
-            return []
-        new = []
-        for k, P in zip(numbers, space, strict=True):
-            old = self.generators[k]
-            g = replace(factored(P), constant=Fraction(1), basis=basis, cofactor=old.cofactor)
-            if str(g) != str(old):
-                self.generators[k] = g
-                new.append(g)
-        return new
-
     def elements(self, value: int, degree: int | None = None) -> list[RationalFunction]:
         """Return linearly independent products with this cofactor value, short ones first.
 
-        Degrees are at most `degree`, by default the highest of a generator with this cofactor.
+        Their degrees are at most `degree`, by default the highest of a generator of the cofactor.
         """
         if degree is None:
             degree = max((self.generators[k].degree for k in self._numbers(value)), default=0)
@@ -228,7 +219,7 @@ class Invariants:
     def measures(self) -> tuple[RationalFunction, ...]:
         """Densities of invariant measures: 1 / P for the cofactor det DPhi, or other products.
 
-        Without such a density, one up to sign: rho(Phi) det DPhi = -rho, with the `cofactor` -1.
+        If there are none: one up to sign, rho(Phi) det DPhi = -rho, with the `cofactor` -1.
         """
         densities = [*self.densities, *self.early_densities]
         det = self.map.jacobian_cofactor if self.has_factors else None
@@ -270,12 +261,9 @@ def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
 
 def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
     """Return f or 1 / f: that with a numerator of higher degree, or with denominator(0) != 0."""
-
-    def order(f: RationalFunction) -> tuple[int, bool]:
-        P, Q = f.as_quotient()
-        return degree_of(P), has_constant_term(Q)
-
-    return max((f, f**-1), key=order)
+    P, Q = f.as_quotient()
+    is_kept = (degree_of(P), has_constant_term(Q)) >= (degree_of(Q), has_constant_term(P))
+    return f if is_kept else f**-1
 
 
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
@@ -298,11 +286,8 @@ def _without_constant_term(f: RationalFunction) -> RationalFunction:
 
 
 def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
-    """Return a short basis of the lattice of e with ``C_1**e_1 ... C_n**e_n = 1`` for `cofactors`.
-
-    Each C_i has a vector: the exponents of its polynomials, of coprime factors of its constant, and
-    of -1. The last exponent counts modulo 2.
-    """
+    """Return short integer vectors e that span the solutions of ``C_1**e_1 ... C_n**e_n = 1``."""
+    # Exponents of a C_i: of its polynomials, of coprime factors of its constant, and of its sign.
     vectors = []
     constants = [cofactor.constant for cofactor in cofactors]
     parts = (part for c in constants for part in (abs(c.numerator), c.denominator))
@@ -314,7 +299,7 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
             above, below = (divided_out(c, b)[1] for c in constant.as_integer_ratio())
             vector[str(b)] = above - below
         vectors.append(vector)
-    vectors.append({"sign": 2})
+    vectors.append({"sign": 2})  # signs count modulo 2
     names, n = dict.fromkeys(name for vector in vectors for name in vector), len(cofactors)
     rows = [
         [int(i == j) for j in range(n)] + [_WEIGHT * vector.get(name, 0) for name in names]
@@ -346,8 +331,8 @@ _SIGNS = 70  # random points at which a definite polynomial has one sign
 def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     """Return a basis [Q, P_1, P_2, ...] of the span of `space`, for simple integrals P_i / Q.
 
-    All limits for eps to 0 are independent, and the limit of Q has the least degree. Polynomials of
-    low degree come first, then polynomials in `preferred`, then polynomials with many factors.
+    Limits for eps to 0 are independent, and Q is the polynomial with the limit of least degree. The
+    P_i are sorted by degree, then members of `preferred` come first, then those with many factors.
     """
     echelon = in_echelon_form(space)
     basis = polynomials.with_independent_limits(echelon)
@@ -389,9 +374,9 @@ def is_definite(P: Any) -> bool:
 
 
 def in_echelon_form(space: Sequence[Any]) -> list[Any]:
-    """Return a basis of the span of `space`, with different leading monomials, highest first.
+    """Return a basis of the span of `space` with different leading monomials, highest first.
 
-    The lowest monomial of each polynomial has the coefficient 0 in the polynomials before it.
+    The lowest monomial of a polynomial does not occur in the polynomials before it.
     """
     monomials = {e for P in space for e in polynomials.exponents_in_x(P)}
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)

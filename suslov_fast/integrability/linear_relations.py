@@ -55,11 +55,11 @@ def gradients_of_coefficients(
     length: int,
     first: int = 0,
 ) -> list[list[list[Any]]]:
-    """Return a list for each relation: gradients of its coefficients c_i with respect to x.
+    """Return the gradients of the coefficients c_i of each relation with respect to x.
 
-    They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relation at
-    `length` points x_k of the orbit of x, from x_first on. Relations must be a basis in echelon
-    form. Coefficients that this form fixes at 0 or 1 are constant, and left out.
+    They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)`` for `length` points x_k of the orbit
+    of x, from x_first on. The relations must be a basis in echelon form; coefficients that this
+    form fixes at 0 or 1 are left out.
     """
     p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
     ring = polynomials.ring_modulo(p, n)
@@ -85,7 +85,7 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
     """Count the relations of monomials along a random orbit, and the integrals that they give.
 
     Two primes must give the same numbers. If det DPhi = 0, the first D points of an orbit are left
-    out: later ones are general points of the images of all iterates.
+    out, because only later points are in the images of all iterates.
     """
     rng, first = map.generator(), 0 if map.is_invertible else map.dimension
 
@@ -104,10 +104,9 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
-    """Return polynomials that span the relations of all orbits; () if quotients are no integrals.
+    """Return a basis of the relations of all orbits if its quotients are integrals, else ().
 
-    Their quotients are integrals if the relations of one orbit span d dimensions, and the relations
-    of all orbits span d + 1.
+    They are integrals if the relations of one orbit span d dimensions, those of all orbits d + 1.
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0 or not map.is_invertible:
@@ -126,7 +125,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
 _QUOTIENTS = 4_000  # the most quotients of coefficients for which degrees are compared
 _DEGREES = 5, 11, 23  # bounds of the degrees of quotients, tried in this order
-_TERMS = 300  # the most terms of a formula that is written out
+TERMS = 300  # the most terms of a formula that is written out
 
 
 @dataclass(frozen=True, repr=False)
@@ -259,7 +258,7 @@ class _RelationsOnLine:
         self._quotients = Line(self.parameters, p)
 
     def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree on the line of the quotient of two coefficients; None if it is higher.
+        """Return the degree of a quotient of coefficients on the line; None if points are too few.
 
         The coefficients belong to the monomials number `numerator` and `denominator` of a circuit.
         """
@@ -299,12 +298,6 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
             yield ImplicitIntegral(map, sets[k], sets[k][numerator], sets[k][denominator], degree)
 
 
-def is_short(integral: ImplicitIntegral) -> bool:
-    """Return True if polynomials of the integral's degree have few enough terms to be written."""
-    D = integral.map.dimension
-    return math.comb(D + integral.degree, D) <= _TERMS
-
-
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     """Return the formula of an integral; None if it has too many terms."""
     map, D = integral.map, integral.map.dimension
@@ -329,7 +322,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     if not rows:
         return None
     (both,) = polynomials_with(rows, exponents, polynomials.letters_of(map.ring))
-    if len(both) > _TERMS:
+    if len(both) > TERMS:
         return None
     P, Q = polynomials.coefficients_in(both, -1)
     return quotient_of(P.project_to_context(map.ring), Q.project_to_context(map.ring), MODULAR)

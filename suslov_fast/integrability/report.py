@@ -338,10 +338,7 @@ class _Stopped(BaseException):
 
 
 def _special_values(system: Any, search: Search) -> list[str]:
-    """Return a note if the values that letters had in the system are special; else no note.
-
-    Values are special if no map exists for them, or if relations show more integrals for them.
-    """
+    """Return a note if the system's own values of the letters have no map, or more integrals."""
     map, degree = search.map, search.queue.finished().get("relations", 0)
     if not map.given:
         return []

@@ -52,17 +52,12 @@ Tasks = Iterable["Task"]
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The search for one fact: a degree of an iterate, the polynomials of a cofactor, a proof.
+    """The search for one fact: a degree of an iterate, the polynomials of a cofactor, a proof."""
 
-    `run` does the work, and returns the tasks that follow from its result. When all tasks of a
-    `kind` and a `degree` of polynomials are done, the report lists this kind as searched up to this
-    degree. A task that is not `needed` is left out if its degree is not expected to give more.
-    """
-
-    run: Callable[[], Tasks]
+    run: Callable[[], Tasks]  # does the work, and returns the tasks that follow from its result
     kind: str
-    degree: int = 0
-    needed: bool = True
+    degree: int = 0  # of polynomials; a report lists to which degree all tasks of a kind are done
+    needed: bool = True  # False: left out unless its degree is expected to give more
 
     def __str__(self) -> str:
         return self.kind + f", degree {self.degree}" * (self.degree > 0)
@@ -76,13 +71,13 @@ class Task:
 class Queue:
     """The tasks that are `waiting`. Iteration runs them in order, and yields each when it is done.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True for its degree. When the
-    kind or degree of tasks changes, `at_start` is called with the next task.
+    A task that is not `needed` waits until ``is_wanted(degree)`` is True for its degree.
     """
 
     def __init__(self, tasks: Tasks, is_wanted: Callable[[int], bool]) -> None:
         self.done, self.waiting, self._is_wanted = 0, list[Task](), is_wanted
         self.task: Any = None  # the task that runs
+        # Called before the first task of each kind and degree.
         self.at_start: Callable[[Task], None] = lambda task: None
         self._degrees = defaultdict[str, set[int]](set)  # degrees of all tasks so far, by kind
         self._add(tasks)
@@ -185,13 +180,9 @@ class Search:
         return bool(self.known.measures) and len(self.known.integrals) >= enough
 
     def _is_wanted(self, degree: int) -> bool:
-        """Return True if polynomials of this degree may add integrals or replace known ones.
-
-        If enough integrals are known, integrals of lower degree can still replace them. Above the
-        degree of the report, only products of conjugate polynomials are sought.
-        """
+        """Return True if polynomials of this degree may add integrals, or replace longer ones."""
         is_small = self.unknowns(degree) <= _FEW
-        if degree > self.degree:
+        if degree > self.degree:  # of products of conjugate polynomials
             return is_small and len(self.known.integrals) < (self.relations or 0)
         if not self.is_complete:
             return True
@@ -323,8 +314,9 @@ class Search:
         self._of_relations = [*islice(independent, missing)]
         self._known = None
         # Formulas from Darboux polynomials, which come before, are simpler.
-        for integral in filter(linear_relations.is_short, self._of_relations):
-            yield Task(partial(self._write_out, integral), "formulas", integral.degree)
+        for integral in self._of_relations:
+            if self.unknowns(integral.degree) <= linear_relations.TERMS:
+                yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
         """Write out the formula of an integral of a circuit, if none was found since."""
@@ -364,7 +356,7 @@ class Search:
     def _polynomials_of(self, cofactor: Any, k: int, kind: str, last: int = 0) -> Task:
         """Return the task that finds the P up to degree k with P(Phi) = cofactor * P.
 
-        Tasks for higher degrees follow, up to `last`, by default the degree of the search.
+        Tasks for degrees k + 1 to `last`, by default the degree of the search, follow.
         """
 
         def run() -> Tasks:

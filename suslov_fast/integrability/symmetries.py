@@ -33,17 +33,14 @@ _LARGEST = 10**6  # the largest numerator and denominator of an entry of a symme
 
 @dataclass(frozen=True)
 class Reversor:
-    """A reversing symmetry x -> S x + b: an involution that takes the map to its inverse.
-
-    It can be called with a point, D rational numbers.
-    """
+    """A reversing symmetry x -> S x + b: an involution that takes the map to its inverse."""
 
     S: tuple[Point, ...]
     b: Point
     names: tuple[str, ...]  # names of the variables
 
     def __call__(self, x: Any) -> Point:
-        """Return the image of a point."""
+        """Return the image of a point, D rational numbers."""
         point = arithmetic.rationals("x", x, len(self.b))
         return tuple(sum(map(mul, row, point), c) for row, c in zip(self.S, self.b, strict=True))
 
@@ -56,10 +53,7 @@ class Reversor:
 
 
 def reversors(map: KahanMap) -> list[Reversor]:
-    """Return the isolated involutions with rational entries that reverse the field of a map.
-
-    The entries do not depend on the letters of the field.
-    """
+    """Return the isolated affine involutions with rational entries that reverse a map."""
     D, p = map.dimension, map.prime
     numbers = [*EPS[: len(map.letters)], *[0] * D]  # values of letters and x
     rates = map._rates[0]
@@ -140,10 +134,9 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
 
 
 def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Iterator[list[Any]]:
-    """Yield isolated solutions modulo a prime, by products of equations up to degree `most`.
+    """Yield the isolated solutions modulo a prime, from products of equations up to a degree.
 
-    Vectors in the null space of all products are combinations of the values of all monomials at the
-    solutions. Multiplication by a variable acts on the values of monomials of lower degree.
+    The values of all monomials at the solutions span the null space of these products.
     """
     n, p = unknowns.nvars(), int(unknowns.modulus())
     for degree in range(2, most + 1):
@@ -162,10 +155,10 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Itera
 
 
 def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
-    """Yield solutions; `values` has a row for each monomial in n unknowns up to some degree.
+    """Yield solutions from `values`, with a row for each monomial in n unknowns up to a degree.
 
-    Its columns are combinations of the values of the monomials at the solutions. The solutions are
-    eigenvectors of the multiplication of the first `count` monomials by a random linear form.
+    The columns of `values` span the values of the monomials at all solutions. The values at one of
+    them are an eigenvector of the product of the first `count` monomials and a random linear form.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}

@@ -32,10 +32,7 @@ def _rotors(*beta: int) -> Any:
 
 
 def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> Field:
-    """Return a body (m, p) with m' = m x (w m) + p x v(p), p' = p x (w m).
-
-    With v(p) = b p these are Kirchhoff's equations for 2 H = sum w_i m_i^2 + b_i p_i^2.
-    """
+    """Return the field m' = m x (w m) + p x v(p), p' = p x (w m): Kirchhoff's for v(p) = b p."""
 
     def field(x: Any) -> Any:
         m, p = np.array(x[:3]), np.array(x[3:])

@@ -141,8 +141,8 @@ class Event:
         vars(self).update(to=to, direction=direction, most=most, terminal=bool(self.terminal))
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
-            times = checks.float_array("times", self.times)
-            vars(self)["times"] = read_only(np.array(times, ndmin=1))
+            times = np.array(checks.float_array("times", self.times), ndmin=1)
+            vars(self)["times"] = read_only(times)
 
     @public
     def of(self, system: Any) -> Event:
@@ -199,9 +199,6 @@ class Event:
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_traced": {}, "_kept": {}}
-
-    def __setstate__(self, attributes: dict[str, Any]) -> None:
-        vars(self).update(attributes)
 
     def __repr__(self) -> str:
         values = self._arguments
@@ -330,9 +327,8 @@ class TracedEvent:
         if others and not TIME & {*needed}:
             expected = "a function of the state, and of parameters of the system by name"
             has = either([*self.tracer.parameters] or ["none"])
-            raise wrong(
-                argument, expected, f"one of {others[0]!r}: the system has {has}", TypeError
-            )
+            received = f"one of {others[0]!r}: the system has {has}"
+            raise wrong(argument, expected, received, TypeError)
         trace.check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
         given = argument, trace.taking(f, known), self.names, self.tracer.parameters
         return trace.operands_of_function(*given, self.tracer)[1]

@@ -59,7 +59,8 @@ class FieldFlow:
 
     drifts       True for components with a constant rate (D,)
     is_forced    True if T is fixed, because other components depend on one that drifts
-    keeps_phase  True if steps keep the fastest component of the first node, as with events
+    keeps_phase  True with events: steps keep the fastest component of the first node, so that the
+                 node stays between the same events
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class FieldFlow:
     def between_events(self, x: FloatArray, T: float) -> FloatArray:
         """Return the state in the middle of the longest time without events, from x to time 2 T.
 
-        If the start were on a surface, it would be unclear whether the orbit ends before the event.
+        An orbit that started on a surface could end before or after the event there.
         """
         if not self.keeps_phase:
             return x
@@ -125,7 +126,7 @@ class Shooting:
 
     sizes   ranges (D,) of components along the orbit, which are the units of steps
 
-    For the n components that do not drift:
+    Of the n components that do not drift:
     gaps    ends of arcs minus the next nodes (M, n), NaN where an arc has no end
     slopes  derivatives (M, n, n) of the ends with respect to the nodes
     rates   derivatives (M, n) of the ends with respect to log T
@@ -143,10 +144,9 @@ class Shooting:
         largest = float(abs(nodes[:, self.moving]).max(initial=0.0))
         # If the orbit rests in 0, as with parametric forces, only the sizes say what is small.
         self.largest = max(largest, _LEAST_SIZE * float(self.units.max(initial=0.0)))
-        residual = abs(self.gaps).max(initial=0.0) / self.largest
-        self.residual = float(residual) if np.isfinite(residual) else np.inf
-        distance = np.linalg.norm(self.gaps / self.units)  # what a short enough step reduces
-        self.distance = float(distance) if np.isfinite(distance) else np.inf
+        gaps = np.where(np.isnan(self.gaps), np.inf, abs(self.gaps))
+        self.residual = float(gaps.max(initial=0.0) / self.largest)
+        self.distance = float(np.linalg.norm(gaps / self.units))  # a short enough step reduces it
 
     @property
     def growth(self) -> float:
@@ -219,10 +219,10 @@ class Shooting:
         return self
 
     def with_period(self) -> Shooting:
-        """Return an arc with T corrected alone, so that its end is nearest to its start.
+        """Return the arc with the T near the given one at which its end is nearest to its start.
 
-        With several integrals there are nearby orbits of all periods. So Newton's steps for all
-        unknowns would turn a Kepler ellipse, and would leave the given period as it is.
+        With several integrals there are orbits of all periods near the start. So Newton's steps for
+        all unknowns would close a Kepler ellipse by changes of the state, and keep a wrong T.
         """
         best = self
         for _ in range(0 if self.flow.is_forced or self.flow.keeps_phase else _CORRECTIONS):
@@ -248,9 +248,9 @@ class Shooting:
 
 
 def nearest_orbit(flow: FieldFlow, x: FloatArray, T: float) -> Shooting:
-    """Return arcs of an orbit near x with a period near T, or arcs with the smallest gaps.
+    """Return arcs of an orbit near x with a period near T; if none is found, the best arcs.
 
-    More arcs are tried if one arc leads to no orbit, or if derivatives grow much along this arc.
+    More arcs are tried if one arc leads to no orbit, or if derivatives grow much along it.
     """
     sizes, best = _sizes(flow, x, T), None
     for M in _ARCS:
@@ -286,9 +286,9 @@ def _sizes(flow: FieldFlow, start: FloatArray, T: float) -> FloatArray:
 def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float]:
     """Return the time after which the motion returns near its start, or None; and the last time.
 
-    The last time is the end of the search. At a return the motion is nearer to the start than
-    before and after, and it has been far away since the start. (It need not cross the plane through
-    the start normal to f, because the start may lie outside the orbit.)
+    The search ends at the last time. At a return the motion is nearer to the start than before and
+    after, and it has been far away. It need not cross the plane through the start normal to f,
+    because the start may be off the orbit.
     """
     moving = ~flow.drifts
     fastest, size = float(abs(flow.rate[moving]).max()), abs(start[moving]).max()

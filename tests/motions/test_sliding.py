@@ -25,23 +25,23 @@ class Family:
         self.starts = np.stack([rng.uniform(low, high, COUNT) for low, high in starts], axis=1)
 
         def right(x, **p):
-            return f(x, [np.sign(a) for a in surfaces(x, p)], p)
+            return f(x, [np.sign(a) for a in surfaces(x, **p)], **p)
 
         self.field = Field(right, names, **self.parameters)
 
     def right(self, k):
         """Return the reference's last state of case k."""
         p = {name: float(values[k]) for name, values in self.parameters.items()}
-        f, surfaces = lambda x, m: self.f(x, m, p), lambda x: self.surfaces(x, p)
+        f, surfaces = lambda x, m: self.f(x, m, **p), lambda x: self.surfaces(x, **p)
         return solution(f, surfaces, self.starts[k], self.time)[0]
 
 
-def _network(x, m, p):
+def _network(x, m, **p):
     drive = (p[f"k{i}"] * (0.5 + 0.5 * p[f"q{i}"] * m[i - 1]) for i in range(3))
     return [a + 0.5 * p[f"z{i}"] * (1 + m[i]) - x[i] for i, a in enumerate(drive)]
 
 
-def _quadrants(x, m, p):
+def _quadrants(x, m, **p):
     return [
         sum(
             p[f"a{i}{2 * (u > 0) + (v > 0)}"] * (1 + u * m[0]) / 2 * (1 + v * m[1]) / 2
@@ -53,7 +53,7 @@ def _quadrants(x, m, p):
     ]
 
 
-def _halves(x, m, p):
+def _halves(x, m, **p):
     def side(i, a, b, c):
         return p[f"{a}{i}"] * x[0] + p[f"{b}{i}"] * x[1] + p[f"{c}{i}"]
 
@@ -67,71 +67,63 @@ UNIT = (-1.0, 1.0)
 FAMILIES = {
     "belt": lambda: Family(
         "x v",
-        lambda x, m, p: (x[1], -x[0] - p["c"] * x[1] - p["k"] * m[0]),
-        lambda x, p: [x[1] - p["b"]],
+        lambda x, m, b, c, k: (x[1], -x[0] - c * x[1] - k * m[0]),
+        lambda x, b, **_: [x[1] - b],
         {"k": (0.1, 0.8), "b": (0.1, 0.8), "c": (0, 0.2)},
         [UNIT, UNIT],
         20.0,
     ),
     "Stribeck": lambda: Family(
         "x v",
-        lambda x, m, p: (
-            x[1],
-            -x[0] - p["k"] * m[0] * (0.5 + 0.5 / (1 + 2 * m[0] * (x[1] - p["b"]))),
-        ),
-        lambda x, p: [x[1] - p["b"]],
+        lambda x, m, b, k: (x[1], -x[0] - k * m[0] * (1 + 1 / (1 + 2 * m[0] * (x[1] - b))) / 2),
+        lambda x, b, **_: [x[1] - b],
         {"k": (0.3, 0.8), "b": (0.1, 0.6)},
         [UNIT, UNIT],
         30.0,
     ),
     "sliding-mode control": lambda: Family(
         "x y z t",
-        lambda x, m, p: (
-            x[1],
-            x[2],
-            -p["a"] * x[1] - p["k"] * m[0] + p["d"] * np.sin(2 * x[3]),
-            1.0,
-        ),
-        lambda x, p: [x[0] + p["c"] * x[1] + x[2]],
+        lambda x, m, a, c, d, k: (x[1], x[2], -a * x[1] - k * m[0] + d * np.sin(2 * x[3]), 1.0),
+        lambda x, c, **_: [x[0] + c * x[1] + x[2]],
         {"k": (3, 6), "c": (1.5, 3), "d": (0, 0.8), "a": UNIT},
         [UNIT, UNIT, UNIT, (0, 0)],
         20.0,
     ),
     "two blocks": lambda: Family(
         "x v y u",
-        lambda x, m, p: (
+        lambda x, m, k, l, q: (
             x[1],
-            -x[0] - p["q"] * (x[0] - x[2]) - p["k"] * m[0],
+            -x[0] - q * (x[0] - x[2]) - k * m[0],
             x[3],
-            -x[2] + p["q"] * (x[0] - x[2]) - p["l"] * m[1],
+            -x[2] + q * (x[0] - x[2]) - l * m[1],
         ),
-        lambda x, p: [x[1] - 0.3, x[3] - 0.3],
+        lambda x, **_: [x[1] - 0.3, x[3] - 0.3],
         {"k": (0.2, 0.8), "l": (0.2, 0.8), "q": (0.3, 2)},
         [UNIT] * 4,
         15.0,
     ),
     "block on block": lambda: Family(
         "x v y u t",
-        lambda x, m, p: (
+        lambda x, m, k, l, w, F, M: (
             x[1],
-            -x[0] + p["F"] * np.sin(p["w"] * x[4]) - p["k"] * m[0] - p["l"] * m[1],
+            -x[0] + F * np.sin(w * x[4]) - k * m[0] - l * m[1],
             x[3],
-            p["l"] * m[1] / p["M"],
+            l * m[1] / M,
             1.0,
         ),
-        lambda x, p: [x[1], x[1] - x[3]],
+        lambda x, **_: [x[1], x[1] - x[3]],
         {"k": (0.1, 0.4), "l": (0.1, 0.5), "M": (0.5, 2), "F": (0.8, 2), "w": (0.5, 1.5)},
         [UNIT, UNIT, (0, 0), UNIT, (0, 0)],
         20.0,
     ),
     "thermostat": lambda: Family(
         "T h t",
-        lambda x, m, p: (
-            -p["a"] * (x[0] - 5 * np.sin(x[2] / 3)) + x[1],
-            p["b"] * (p["k"] * (1 - m[0]) / 2 - x[1]) - p["g"] * m[0],
+        lambda x, m, a, b, e, g, k: (
+            -a * (x[0] - 5 * np.sin(x[2] / 3)) + x[1],
+            b * (k * (1 - m[0]) / 2 - x[1]) - g * m[0],
             1.0,
         ),
-        lambda x, p: [x[0] + p["e"] * x[1] - 20],
+        lambda x, e, **_: [x[0] + e * x[1] - 20],
         {"a": (0.1, 0.4), "b": (0.5, 2), "k": (8, 15), "g": (0.5, 3), "e": (0.1, 0.5)},
         [(10, 22), (0, 3), (0, 6)],
         20.0,
@@ -139,18 +131,18 @@ FAMILIES = {
     "linear in half planes": lambda: Family(
         "x y",
         _halves,
-        lambda x, p: [x[0] - 0.2 * x[1]],
+        lambda x, **_: [x[0] - 0.2 * x[1]],
         {f"{a}{i}": (-1, 0.2) if a in "ad" else UNIT for a in "abcdeg" for i in (1, 2)},
         [UNIT, UNIT],
         5.0,
     ),
     "ellipse": lambda: Family(
         "x y",
-        lambda x, m, p: (
-            p["r"] * x[0] - p["w"] * x[1] - p["k"] * m[0] * x[0],
-            p["w"] * x[0] + p["r"] * x[1] - p["k"] * p["q"] * m[0] * x[1],
+        lambda x, m, e, k, q, r, w: (
+            r * x[0] - w * x[1] - k * m[0] * x[0],
+            w * x[0] + r * x[1] - k * q * m[0] * x[1],
         ),
-        lambda x, p: [x[0] ** 2 + p["e"] * x[1] ** 2 - 1],
+        lambda x, e, **_: [x[0] ** 2 + e * x[1] ** 2 - 1],
         {"r": (-0.2, 0.4), "w": (0.5, 2), "k": (-0.1, 0.5), "q": (0, 1), "e": (0.4, 2)},
         [UNIT, UNIT],
         10.0,
@@ -158,7 +150,7 @@ FAMILIES = {
     "three genes": lambda: Family(
         "x y z",
         _network,
-        lambda x, p: [x[i] - p[f"h{i}"] for i in range(3)],
+        lambda x, **p: [x[i] - p[f"h{i}"] for i in range(3)],
         {f"k{i}": (0.8, 2) for i in range(3)}
         | {f"q{i}": (-1.0, 1.0, 1.0) if i else (-1.0, -1.0, -1.0) for i in range(3)}
         | {f"h{i}": (0.3, 0.7) for i in range(3)}
@@ -169,7 +161,7 @@ FAMILIES = {
     "quadrants": lambda: Family(
         "x y",
         _quadrants,
-        lambda x, p: [x[0] - 0.5, x[1] - 0.5],
+        lambda x, **_: [x[0] - 0.5, x[1] - 0.5],
         {f"a{i}{j}": (-1, 2) for i in range(2) for j in range(4)},
         [(0, 1.2)] * 2,
         10.0,

@@ -53,12 +53,9 @@ def names():
     names = {}
     for code in re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL):
         exec(code, names)
-    for name, surface, direction in (
-        ("rises", names["hit"], 1),
-        ("peaks", lambda t, x: 8 / 3 * x[2] - x[0] * x[1], 1),
-    ):
-        names[name] = lambda t, x, surface=surface: surface(t, x)
-        names[name].direction = direction
+    names["rises"] = lambda t, x: names["hit"](t, x)
+    names["peaks"] = lambda t, x: 8 / 3 * x[2] - x[0] * x[1]
+    names["rises"].direction = names["peaks"].direction = 1
     return names
 
 

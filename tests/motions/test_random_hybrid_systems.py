@@ -36,82 +36,67 @@ class System:
             (np.sort(rng.uniform(0.1, T, rng.integers(1, 5))), affine()) for _ in range(schedules)
         ]
 
+        self.maps = [own for *_, own in (*self.surfaces, *self.times)]
+
     def events(self):
         def function(R, r):
-            return lambda x: tuple(sum(R[i, j] * x[j] for j in range(self.D)) + r[i]
-                                   for i in range(self.D))  # fmt: skip
+            return lambda x: [R[i] @ x + r[i] for i in range(self.D)]
 
-        def value(n, c):
-            return lambda x: sum(n[j] * x[j] for j in range(self.D)) - c
-
-        found = [Event(value(n, c), direction=way, to=function(*own))
-                 for n, c, way, own in self.surfaces]  # fmt: skip
+        found = [
+            Event(lambda x, n=n, c=c: n @ x - c, direction=way, to=function(*own))
+            for n, c, way, own in self.surfaces
+        ]
         found += [Event(times=times, to=function(*own)) for times, own in self.times]
-        field = Field(function(self.A, self.b), " ".join("abc"[: self.D]))
-        return field, found
+        return Field(function(self.A, self.b), " ".join("abc"[: self.D])), found
 
     def reference(self, parts=2000):
         """Return times and numbers of all events, and the last state."""
         D, S = self.D, len(self.surfaces)
         M = np.zeros((D + 1, D + 1))
         M[:D, :D], M[:D, D] = self.A, self.b
-        stops = [(t, own, S + j) for j, (times, own) in enumerate(self.times) for t in times]
-        stops.sort(key=lambda each: each[0])
+        stops = sorted((t, S + j) for j, (times, _) in enumerate(self.times) for t in times)
         z, t, found, h = np.append(self.x, 1.0), 0.0, [], T / parts
         whole = expm(M * h)
 
-        def above(z, k):
-            n, c, *_ = self.surfaces[k]
-            return n @ z[:D] - c >= 0.0
+        def sides_of(z):
+            return [n @ z[:D] - c >= 0.0 for n, c, *_ in self.surfaces]
 
-        def moved(z, own):
-            R, r = own
+        def moved(z, number):
+            found.append((t, number))
+            R, r = self.maps[number]
             return np.append(R @ z[:D] + r, 1.0)
 
-        def cascade(z, first):
-            count = len(found)
-            while True:
+        def cascade(z):
+            before, most = -1, len(found) + MOST
+            while before != len(found):
                 before = len(found)
-                for k in range(first, S):
-                    now = above(z, k)
-                    if now != sides[k]:
-                        sides[k], way = now, self.surfaces[k][2]
-                        if way == 0 or (way > 0) == now:
-                            found.append((t, k))
-                            z = moved(z, self.surfaces[k][3])
-                            sides[k] = above(z, k)
-                first = 0
-                if len(found) == before:
-                    return z
-                if len(found) > count + MOST:
+                for k, (_, _, way, _) in enumerate(self.surfaces):
+                    now = sides_of(z)[k]
+                    acts = now != sides[k] and way in (0, 1 if now else -1)
+                    z = moved(z, k) if acts else z
+                    sides[k] = sides_of(z)[k]
+                if len(found) > most:
                     raise Endless
+            return z
 
-        sides = [above(z, k) for k in range(S)]
+        sides = sides_of(z)
         while t < T and len(found) < 400:
-            end = min(T, stops[0][0] if stops else T)
-            step = min(h, end - t)
+            step = min(h, (stops[0][0] if stops else T) - t)
             following = (whole if step == h else expm(M * step)) @ z
-            crossed = [k for k in range(S) if above(following, k) != sides[k]]
-            if crossed:
-                firsts = []
-                for k in crossed:
-                    low, high = 0.0, step
-                    for _ in range(60):
-                        middle = (low + high) / 2
-                        if above(expm(M * middle) @ z, k) != sides[k]:
-                            high = middle
-                        else:
-                            low = middle
-                    firsts.append((high, k))
-                length, k = min(firsts)
-                t += length
-                z = cascade(expm(M * length) @ z, k)
+            if sides_of(following) != sides:
+                low, high = 0.0, step
+                for _ in range(60):
+                    middle = (low + high) / 2
+                    if sides_of(expm(M * middle) @ z) == sides:
+                        low = middle
+                    else:
+                        high = middle
+                t += high
+                z = cascade(expm(M * high) @ z)
                 continue
             z, t = following, t + step
             if stops and t >= stops[0][0] - 1e-15:
-                _, own, number = stops.pop(0)
-                found.append((t, number))
-                z = cascade(moved(z, own), 0)
+                z = cascade(moved(z, stops.pop(0)[1]))
         return np.array(found).reshape(-1, 2), z[:D]
 
 

@@ -8,11 +8,6 @@ import suslov_fast as sf
 field = sf.Field
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def time_above(c, phase):
     """Return how long the sine has been above c up to a phase, in radians, from 0."""
     turns, a = np.floor(phase / (2 * np.pi)), np.arcsin(c)

@@ -44,20 +44,13 @@ def _row(values, instruction, number, operands, rows):
         factor = emit("fmul", c, FUNCTIONS["power"].rule(values, a, c - 1.0))
         return _sum(emit, [(factor, rows.get(a, {}))])
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]
-    if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
-        truth = operands[0]
-        if instruction != "select":
-            if not (of[0] or of[1]):
-                return {}
-            truth = emit("ogt" if instruction == "max" else "olt", *operands)
-        first, second = of[-2:]
-        row = {}
-        for j in sorted({*first, *second}):
-            a, b = first.get(j, 0.0), second.get(j, 0.0)
-            row[j] = a if same(a, b) else emit("select", truth, a, b)
-        return row
     if not any(of):
         return {}
+    if instruction in ("select", "max", "min"):  # the derivative of the chosen operand
+        comparison = {"max": "ogt", "min": "olt"}.get(instruction)
+        truth = emit(comparison, *operands) if comparison else operands[0]
+        a, b = of[-2:]
+        return {j: emit("select", truth, a.get(j, 0.0), b.get(j, 0.0)) for j in sorted({*a, *b})}
     if instruction in ("fadd", "fsub"):
         return _sum(emit, [(1.0, of[0]), (1.0 if instruction == "fadd" else -1.0, of[1])])
     if instruction == "fmul":
@@ -81,16 +74,10 @@ def _sum(emit, pairs):
     """Return the sum of factor * row over `pairs` (factor, row) of rows {component: operand}."""
     total = {}
     for factor, row in pairs:
-        sign = factor if isinstance(factor, float) and factor in (-1.0, 0.0, 1.0) else None
-        if sign == 0.0 or not row:
-            continue
-        if sign == 1.0 and not total:
-            total = dict(row)
-            continue
-        for j, slope in row.items():
-            part = emit("fmul", factor, slope) if sign is None else slope
-            if j in total:
-                total[j] = emit("fsub" if sign == -1.0 else "fadd", total[j], part)
+        for j, slope in () if same(factor, 0.0) else row.items():
+            if j in total and same(factor, -1.0):
+                total[j] = emit("fsub", total[j], slope)
             else:
-                total[j] = emit("fmul", -1.0, part) if sign == -1.0 else part
+                part = emit("fmul", factor, slope)
+                total[j] = emit("fadd", total[j], part) if j in total else part
     return total

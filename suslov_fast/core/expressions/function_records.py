@@ -22,6 +22,7 @@ class Function(NamedTuple):
     instruction  its name in expression programs; "" if it is made of others
     formula      if it is made of others: takes a `Number` for each operand, returns the value
     narrows      True if it makes narrow pulses of waves, as exp(100 cos(t)) has them
+    others       NumPy's other names for it
     """
 
     name: str
@@ -32,6 +33,7 @@ class Function(NamedTuple):
     formula: Callable | None = None
     sign: str = ""
     narrows: bool = False
+    others: str = ""
 
     def rule(self, values, *operands):
         """Add this function of `operands` to the program `values`; return the result's operand."""
@@ -193,16 +195,18 @@ _MADE = [
     Function("add", 2, formula=_sum, sign="+"),
     Function("subtract", 2, formula=lambda a, b: a if _is_0(b) else a - b, sign="-"),
     Function("multiply", 2, formula=_product, sign="*"),
-    Function("divide", 2, instruction="fdiv", sign="/"),
-    Function("power", 2, formula=_power, sign="**"),
+    Function("divide", 2, instruction="fdiv", sign="/", others="true_divide"),
+    Function("power", 2, formula=_power, sign="**", others="float_power pow"),
     Function("exp2", 1, formula=lambda a: Number(a.emit, 2.0).then("pow", a)),
     Function("floor_divide", 2, formula=lambda a, b: (a / b).then("floor"), sign="//"),
-    Function("remainder", 2, formula=lambda a, b: a - b * (a / b).then("floor"), sign="%"),
-    Function("positive", 1, formula=lambda a: a),
+    Function(
+        "remainder", 2, formula=lambda a, b: a - b * (a / b).then("floor"), sign="%", others="mod"
+    ),
+    Function("positive", 1, formula=lambda a: a, others="conjugate"),
     Function("negative", 1, formula=lambda a: -a),
-    Function("absolute", 1, instruction="fabs"),
-    Function("deg2rad", 1, formula=lambda a: math.pi / 180.0 * a),
-    Function("rad2deg", 1, formula=lambda a: 180.0 / math.pi * a),
+    Function("absolute", 1, instruction="fabs", others="abs fabs"),
+    Function("deg2rad", 1, formula=lambda a: math.pi / 180.0 * a, others="radians"),
+    Function("rad2deg", 1, formula=lambda a: 180.0 / math.pi * a, others="degrees"),
     Function("sign", 1, formula=_sign),
     Function("heaviside", 2, formula=_heaviside),
     Function("minimum", 2, formula=_minimum),
@@ -217,26 +221,10 @@ _MADE = [
     Function("greater_equal", 2, instruction="oge", sign=">="),
     Function("equal", 2, instruction="oeq", sign="=="),
     Function("not_equal", 2, formula=lambda a, b: ~a.equals(b), sign="!="),
-    Function("logical_and", 2, instruction="and", sign="&"),
-    Function("logical_or", 2, instruction="or", sign="|"),
-    Function("logical_xor", 2, instruction="xor", sign="^"),
-    Function("logical_not", 1, formula=lambda a: ~a, sign="~"),
+    Function("logical_and", 2, instruction="and", sign="&", others="bitwise_and"),
+    Function("logical_or", 2, instruction="or", sign="|", others="bitwise_or"),
+    Function("logical_xor", 2, instruction="xor", sign="^", others="bitwise_xor"),
+    Function("logical_not", 1, formula=lambda a: ~a, sign="~", others="invert bitwise_not"),
 ]
 FUNCTIONS = {record.name: record for record in [*_OF_LISTS, *_MADE]}
-# Other names of NumPy for the same functions.
-OTHER_NAMES = {
-    "abs": "absolute",
-    "fabs": "absolute",
-    "true_divide": "divide",
-    "float_power": "power",
-    "pow": "power",
-    "mod": "remainder",
-    "radians": "deg2rad",
-    "degrees": "rad2deg",
-    "conjugate": "positive",
-    "bitwise_and": "logical_and",
-    "bitwise_or": "logical_or",
-    "bitwise_xor": "logical_xor",
-    "invert": "logical_not",
-    "bitwise_not": "logical_not",
-}
+OTHER_NAMES = {other: name for name, record in FUNCTIONS.items() for other in record.others.split()}

@@ -64,10 +64,8 @@ def compiled(key, text_of, level=2, lasts=False):
                 known_codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has removed or changed a function.
             except (RuntimeError, AttributeError, TypeError) as error:
-                text = f"LLVM refuses the code of a field ({error})"
-                raise RuntimeError(
-                    f"{text}; {advice_on_numba() or 'please report this'}"
-                ) from error
+                advice = advice_on_numba() or "please report this"
+                raise RuntimeError(f"LLVM refuses code of a field ({error}); {advice}") from error
         return known_codes[key]
 
 
@@ -107,10 +105,8 @@ def _machine(level):
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     target = binding.Target.from_triple(binding.get_process_triple())
-    cpu = config.CPU_NAME or binding.get_host_cpu_name()
-    return target.create_target_machine(
-        cpu=cpu, features=_features(), opt=min(level, LEVEL), jit=True
-    )
+    cpu, opt = config.CPU_NAME or binding.get_host_cpu_name(), min(level, LEVEL)
+    return target.create_target_machine(cpu=cpu, features=_features(), opt=opt, jit=True)
 
 
 def _features():

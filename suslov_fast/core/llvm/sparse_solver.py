@@ -1,5 +1,6 @@
 """Machine code of elimination in a sparse matrix, for any plan (`sparse_elimination`)."""
 
+import functools
 from types import SimpleNamespace
 
 from ..expressions.sparse_elimination import SLOT, ColumnOffsets
@@ -11,13 +12,8 @@ AT_ONCE = 4
 
 def _parts(text, plan, *names):
     """Return an object with addresses of the arrays `names` of a plan, and counts of numbers."""
-    counted = {
-        "D": plan.order,
-        "entries": plan.rows,
-        "of_lower": plan.lower,
-        "of_upper": plan.upper,
-    }
-    counts = {name: Index(text, len(array)) for name, array in counted.items()}
+    arrays = {"D": plan.order, "entries": plan.rows, "of_lower": plan.lower, "of_upper": plan.upper}
+    counts = {name: Index(text, len(array)) for name, array in arrays.items()}
     addresses = {name: text.constants(getattr(plan, name)).base for name in names}
     return SimpleNamespace(**counts, **addresses)
 
@@ -75,6 +71,7 @@ def add_factors(text, name, plan):
     """
     with text.function(name):
         of = _parts(text, plan, "offsets", "rows", "numbers", "pivots", "spans")
+        along = functools.partial(_along, text, of)
         entries, inverses = text.array("%from"), text.array("%to")
         w, size = text.array("%scratch"), text.size
         s = entries[of.entries]
@@ -82,7 +79,7 @@ def add_factors(text, name, plan):
         upper = lower + of.of_lower * size
         for j in text.each(of.D):
             column, following = _offsets(text, of, j)
-            for inner, row, _ in _along(text, of, column.spans, following.spans, w.at()):
+            for inner, row, _ in along(column.spans, following.spans, w.at()):
                 inner.array(row)[0] = 0.0
             w[j] = 0.0
             for n in _between(text, column.entries, following.entries):
@@ -94,21 +91,17 @@ def add_factors(text, name, plan):
                 column_k, next_k = _offsets(text, of, k)
                 factor = _for_rows(text, w[k])
                 numbers = lower + column_k.of_lower * size
-                for inner, row, number in _along(
-                    text, of, column_k.lower, next_k.spans, w.at(), numbers
-                ):
+                for inner, row, number in along(column_k.lower, next_k.spans, w.at(), numbers):
                     product = inner.array(number)[0] * factor[inner.W]
                     inner.array(row)[0] = inner.array(row)[0] - product
             inverses[j] = inverse = 1.0 / w[j]
             inverse = _for_rows(text, inverse)
             numbers = upper + column.of_upper * size
             apart = inverses.at() - w.at()
-            for inner, row, number in _along(text, of, column.spans, column.lower, w.at(), numbers):
+            for inner, row, number in along(column.spans, column.lower, w.at(), numbers):
                 inner.array(number)[0] = inner.array(row)[0] * inner.array(row + apart)[0]
             numbers = lower + column.of_lower * size
-            for inner, row, number in _along(
-                text, of, column.lower, following.spans, w.at(), numbers
-            ):
+            for inner, row, number in along(column.lower, following.spans, w.at(), numbers):
                 inner.array(number)[0] = inner.array(row)[0] * inverse[inner.W]
 
 

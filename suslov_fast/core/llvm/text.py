@@ -121,14 +121,8 @@ class Value(_Comparable):
     """W numbers, with `+`, `-`, `*`, `/`, `abs` and comparisons; a float means W equal numbers."""
 
     comparison, equal, different = "fcmp", "oeq", "une"
-
-    @property
-    def kind(self):
-        return self.text.V
-
-    @property
-    def of_comparison(self):
-        return self.text.M
+    kind = property(lambda self: self.text.V)
+    of_comparison = property(lambda self: self.text.M)
 
     def _number(self, operand):
         return self.text.constant(operand) if isinstance(operand, float) else operand

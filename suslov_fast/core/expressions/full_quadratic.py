@@ -4,23 +4,21 @@ from math import inf
 
 import numpy as np
 
+from .right_hand_side import RightHandSide
 
-class DenseRightHandSide:
+
+class DenseRightHandSide(RightHandSide):
     """The right-hand side f_i = c_i + sum_j x_j (l_ij + sum_k q_ijk x_k), with symmetric q.
 
-    It has the attributes of a `RightHandSide` that steps of the motion read. Its parameters, like
-    its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
+    Its parameters, like its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense = is_written = True
-    events, offsets, columns, products, longest = None, {}, 0, (), inf
-    of = property(lambda self: self)
-    branches = watched = watch = double_crossings = aim = None
+    is_dense, products, longest = True, (), inf
     clocks = steady = of_one_sign = denominators = fixed = ()
 
     def __init__(self, D):
         self.D, self.P = D, D * (1 + D + D * D)
-        self.table, self.entries = range(self.P), D * D
+        self.table = range(self.P)
         self.pattern = [(i, j) for i in range(D) for j in range(D)]
         self.key, self.work = f"dense {D}", D * D * D
 

@@ -19,7 +19,8 @@ from .right_hand_side import RightHandSide
 SHIFT = 2.0
 
 
-def _with_frame(f, moving):
+@functools.lru_cache(64)
+def with_frame(f, moving):
     """Return the `RightHandSide` of x' = f(x), of Q + SHIFT by rows, and of l.
 
     f has no branches. Tangent vectors have entries for the components `moving` of x. The parameters
@@ -62,6 +63,3 @@ def _product(emit, a, b, n):
         if pairs:
             product[i, j] = dot(emit, pairs)
     return product
-
-
-with_frame = functools.lru_cache(64)(_with_frame)

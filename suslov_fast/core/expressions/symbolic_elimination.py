@@ -1,13 +1,15 @@
-"""Elimination in the matrix 1 - N of a step, planned on its pattern of zeros.
+"""Elimination in the matrix 1 - N of a step as expression programs, planned on the pattern of N.
 
 `core.maps.kahan_step` has the equations. Operands here may be None, which stands for 0.
 """
 
 from collections import defaultdict
 from heapq import heapify, heappop, heappush
+from types import SimpleNamespace
 
 import numpy as np
 
+from .programs import Program, Values, dot, program_of, renumbered
 from .values import joined
 
 # The least pivot, as a part of the largest, with which elimination without exchanges is accurate.
@@ -284,3 +286,52 @@ def work_of(order, fill, varying):
             rows[i] |= changed
             of_state += changed.bit_count()
     return count, of_state
+
+
+class Elimination:
+    """The programs that factorise 1 - s J and solve (1 - s J) v = g, in implicit steps.
+
+    factors   `Program` that reads the entries of J (in the order of `pattern`) and s; its results
+              are the inverse pivots, and the numbers below and above the diagonal
+    solution  `Program` that reads these results and g (D); its results are v (D)
+
+    `order` has the unknowns in the order of pivots, and `fill` is from `filled`. If a pivot is too
+    small, results are not finite, or the error estimate of the step is large: it is rejected.
+    """
+
+    def __init__(self, pattern, order, fill):
+        D, s = len(order), len(pattern)
+        values, first = _Products(s + 1 + D, ()), s + 1
+        places = {place: k for k, place in enumerate(pattern)}
+
+        def entry(i, j):
+            return (values.emit("fmul", s, places[i, j]) if (i, j) in places else None), None
+
+        factors = Factors(SimpleNamespace(values=values, entry=entry), order, fill)
+        numbers = [*factors.inverse.values(), *factors.lower.values(), *factors.upper.values()]
+        self.factors = program_of(values.operations, numbers)
+        values.operations, v = [], {}
+        for k in order:
+            v[k] = factors.forward(k, first + k, v)
+        for k in reversed(order):
+            v[k] = factors.backward(k, v)
+        given = {number: place for place, number in enumerate(numbers)}
+        given |= {first + i: len(numbers) + i for i in range(D)}
+        solution = Program(values.operations, [v[i] for i in range(D)])
+        self.solution = renumbered(solution, given)
+
+
+class _Products(Values):
+    """Values that write each sum as products and additions: LLVM compiles short blocks of them."""
+
+    def total_of(self, start, factors):
+        return dot(self.emit, zip(factors[::2], factors[1::2], strict=True), start)
+
+
+def operations_of(fill):
+    """Return about how many operations the factors take; `fill` is from `filled`."""
+    count = 0
+    for k, (row, column) in enumerate(zip(*fill, strict=True)):
+        later, below = (row >> (k + 1)).bit_count(), (column >> (k + 1)).bit_count()
+        count += 2 * (later * below + later + below)
+    return count

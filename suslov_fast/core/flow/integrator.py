@@ -7,8 +7,7 @@ from ..expressions.double_crossings import POINTS, DoubleCrossings
 from ..expressions.event_formulas import read_by
 from ..expressions.partitioned import part_of, sets_of
 from ..expressions.sparse_elimination import Sparse
-from ..expressions.stage_elimination import Elimination, operations_of
-from ..expressions.symbolic_elimination import elimination_order, filled
+from ..expressions.symbolic_elimination import Elimination, elimination_order, filled, operations_of
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance
 from .memory import rows_of_trajectory, rows_of_work, scalars_of

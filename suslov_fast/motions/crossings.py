@@ -16,7 +16,7 @@ from ..fields.field import system_of
 from ..keywords import public
 from ..maps.batch import Progress
 from ..maps.kernel_calls import thread_count
-from .event import Event, checked_direction
+from .event import Event
 from .events import Events
 from .flow import solved
 from .motion_arguments import RTOL, checked_derivatives, checked_settings, checked_starts
@@ -98,7 +98,6 @@ def crossings(
     >>> peaks.states[peaks.trajectory == 0, 2][:3].round(3)
     array([40.413, 38.669, 44.072])
     """
-    direction = checked_direction(direction)
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     system = system_of(system, x0)

@@ -244,8 +244,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
 def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], Any]:
     """Return the kinds of equilibria, and True where they attract, from rates of growth (..., k).
 
-    A rate counts as 0 if its modulus is at most `rounding`; `turns` is True if eigenvalues are
-    complex.
+    Rates up to `rounding` count as 0; `turns` is True where an eigenvalue is complex.
     """
     grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
     attracts = (growth < -rounding).all(axis=-1)
@@ -271,8 +270,9 @@ class _Equations:
 
     moving    True for these variables (D,)
     start     their given values (..., k)
-    totals    (..., k, k): rows c of integrals c . x, in place of equations that follow from others
-    is_total  True for these rows (..., k); the other rows of `totals` are 0
+    totals    matrices (..., k, k): a row has the coefficients c of a linear integral c . x of f if
+              the integral replaces the equation of this variable, else 0
+    is_total  True for rows with an integral (..., k)
     sizes     sizes of components (..., k), at least _LEAST times the largest one
     units     sizes of components (..., k), however small they are
     """
@@ -346,10 +346,11 @@ class _Equations:
         return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
-        """Return Newton's step, the scaled f, the matrix of the step, and a singular-value ratio.
+        """Return Newton's step (..., k), the scaled residual, the matrix of the step, and a ratio.
 
-        The step (..., k) is its matrix (..., k, k) times f. The ratio is the smallest singular
-        value of f', in units of the components, divided by the largest one.
+        The step is the matrix (..., k, k) times the residual. The ratio is the smallest singular
+        value of f', in units of the components, divided by the largest one; it is 0 if f' is
+        singular.
         """
         f, slopes = self.value(y), self.slopes(y)
         sizes = abs(slopes).max(axis=-1, initial=0.0)
@@ -374,7 +375,7 @@ class _Equations:
     def newton(self, y: FloatArray, sizes: FloatArray | None = None) -> tuple[Any, Any]:
         """Return the states to which Newton's method leads from y, and True where it converges.
 
-        Lengths of steps are relative to `sizes` of components (..., k).
+        Steps are measured in units of `sizes` (..., k), the sizes of the components.
         """
         sizes = self.sizes if sizes is None else sizes
         y, before = y.copy(), np.full(y.shape[:-1], np.inf)
@@ -426,10 +427,10 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def near(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return masks: Newton's method converges from near y; y is in a family of equilibria.
+        """Return masks: Newton's method leads back to y from nearby; y is in a family.
 
-        A component far below the others may be a true value or rounding. So a smaller displacement
-        of such components is tried, too.
+        A component far below the others may have no true digits. If it has, only a displacement in
+        proportion to the component is small, so this one is tried, too.
         """
         scale = np.maximum(self.sizes, abs(y))
         away = _PROBE * np.cos(np.arange(y.shape[-1]))
@@ -463,11 +464,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
 
 
 def _totals(C: FloatArray) -> FloatArray:
-    """Return a matrix (k, k): a row has the coefficients c of an integral c . x of f, or is 0.
-
-    A row c is in the place of an equation that follows from the others. `C` (k, terms) are the
-    coefficients of the terms of f.
-    """
+    """Return `totals` of `_Equations` from the coefficients C (k, terms) of the terms of f."""
     k = len(C)
     totals = np.zeros((k, k))
     if not C.any():

@@ -27,7 +27,6 @@ from ..results.result import read_only
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
 _NEW_STATE = "a function of the state that returns the new one, or a list of its components"
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
-_MOST_TRACED = 64  # the most fields for which an event keeps its traced functions
 
 
 @public_class
@@ -128,7 +127,10 @@ class Event:
         elif to is not None and not callable(to):
             how = ": a parameter that changes is a variable of the rate 0" * isinstance(to, dict)
             raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
-        direction = checked_direction(self.direction)
+        word: Any = self.direction
+        number = _DIRECTIONS.get(word, word) if isinstance(word, str) else word
+        known = "1 or 'up', -1 or 'down', 0 or 'both'"
+        direction = checks.integer("direction", number, -1, known, 1)
         if direction and self.surface is None:
             raise wrong("direction", "left out beside times")
         if not isinstance(self.terminal, (bool, np.bool_)):
@@ -214,12 +216,9 @@ class Event:
 def traced(event: Event, system: Any) -> TracedEvent:
     """Return the `TracedEvent` of an event for the component and parameter names of a field."""
     key = system.names, system._coordinates
-    known = event._traced
-    if key not in known:
-        if len(known) >= _MOST_TRACED:
-            known.clear()
-        known[key] = TracedEvent(event, *key)
-    return known[key]
+    if key not in event._traced:
+        event._traced[key] = TracedEvent(event, *key)
+    return event._traced[key]
 
 
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
@@ -262,12 +261,6 @@ def _shown(function: Any) -> str:
     if callable(function):
         return getattr(function, "__name__", type(function).__name__)
     return short(function)
-
-
-def checked_direction(value: Any) -> int:
-    """Return 1, -1 or 0 for the direction of an event or a crossing."""
-    number = _DIRECTIONS.get(value, value) if isinstance(value, str) else value
-    return checks.integer("direction", number, -1, "1 or 'up', -1 or 'down', 0 or 'both'", 1)
 
 
 def _check_surface(surface: Any) -> None:

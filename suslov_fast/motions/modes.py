@@ -82,10 +82,10 @@ class Sliding:
         self.request = request._replace(event_times=times, settings=settings, report=None)
 
     def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
-        """Return the result of all trajectories, of which `where` are computed again, and phases.
+        """Return the result with trajectories `where` computed again, and attributes for `phases`.
 
-        Solutions are differentiated with respect to `names`. `at_rest` is from `starts_at_rest`.
-        Phases are attributes of the `Motion` by name.
+        The solutions are differentiated with respect to `names`; `at_rest` is from
+        `starts_at_rest`.
         """
         where, D = self.where, self.x.shape[1]
         which, event = at_rest

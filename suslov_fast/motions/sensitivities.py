@@ -29,10 +29,7 @@ def with_derivatives(
     request: SolverRequest,
     actions: tuple[EventAction, ...],
 ) -> SolverResult:
-    """Return the motion from states x (B, D) with its derivatives with respect to `names`.
-
-    Derivatives with respect to x0 are the first columns.
-    """
+    """Return the motion from states x (B, D) with derivatives with respect to `names`."""
     B, D = x.shape
     by_starts, parameters = D * ("x0" in names), tuple(name for name in names if name != "x0")
     C = by_starts + len(parameters)
@@ -71,7 +68,7 @@ def _power_of_2(values: FloatArray) -> FloatArray:
 
 
 def _of_records(records: Records, scales: FloatArray) -> Records:
-    """Return records with derivatives (K, C) and (K, D, C); their states lose the columns.
+    """Return records with derivatives, in place of columns after the states.
 
     If the start changes along a column v, the event comes tau earlier, and the state at the event
     changes by v - f tau. `records.of_columns` has tau of C columns, then f before and after.

@@ -112,7 +112,7 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
 
 
 def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return Q and the moduli of the diagonal of R for V = Q R (K, n, n); infinite V become 1."""
+    """Return Q and the moduli of the diagonal of R, where Q R = V (K, n, n); Q = 1 if V is NaN."""
     V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(V.shape[-1])
     Q, R = np.linalg.qr(V)
     return Q, abs(np.diagonal(R, axis1=1, axis2=2))
@@ -167,17 +167,14 @@ class _Run:
     def _repeat(
         self, x: FloatArray, transient: float, time: float, report: Callable[[float], bool]
     ) -> bool:
-        """Compute trajectories with an alarm again, from their starts in x.
-
-        Components that lost digits get a relative tolerance. After a second alarm all components
-        get one.
-        """
+        """Compute trajectories again from x after an alarm, with relative digits where lost."""
         (which,) = np.nonzero(self.again)
         times = self.event_times and self.event_times.of(which)
         settings = batch_solver.closer(self.settings)
         request = SolverRequest(np.array([time]), 1, settings, self.threads, event_times=times)
         run = _Run(self.f, self._table(which), x[which], self.moving, request)
         run.is_first, run.acts = False, self.is_first
+        # After a second alarm all components have relative digits.
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
         goes_on = run.through(transient, time, report)
         for name in ("logs", "duration", "dead", "t", "status"):

@@ -1,7 +1,6 @@
 """Bodies: parameters, families, copies, adapted bases, and the range of I3."""
 
 import pickle
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -227,9 +226,3 @@ def test_numbers_that_no_body_has_are_told_of():
     J, I = [1.3, 2.1, 3.7], [0.4, 0.7, 0.5]
     with pytest.warns(UserWarning, match="I_1"):
         assert SuslovND(J=I, I=J).dimension == 3
-
-
-def test_coefficients_of_bodies_are_rounded_once():
-    field = SINGLE[1].field()
-    place = (field.terms[0] == [[0], [0], [1]]).all(axis=0)
-    assert field.terms[1][place] == [float(Fraction(-0.7) / Fraction(1.3))]

@@ -165,11 +165,9 @@ def test_quantities_of_special_states(body, unit):
 
 def test_out_of_range_there_is_a_warning_and_no_number(body):
     huge = np.array([[1.0, 2.0], [1e200, 1.0]])
-    calls = [(sf.Suslov3D.energy, ())]
-    calls += [(f, (0.2,)) for f in (sf.Suslov3D.first_integral, sf.Suslov3D.reaction)]
-    for function, eps in calls:
+    for name, *eps in (("energy",), ("first_integral", 0.2), ("reaction", 0.2)):
         with pytest.warns(sf.IntegrationWarning, match=r"1 of 2 states.*first: 1"):
-            found = function(body, huge, *eps)
+            found = getattr(body, name)(huge, *eps)
         assert np.isnan(found[1]).all()
         assert np.isfinite(found[0]).all()
     still = sf.SuslovND(J=[2.0, 2.0, 2.0], I=[0.5, -0.75, 0.25])

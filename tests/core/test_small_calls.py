@@ -75,8 +75,7 @@ def as_in_an_empty_process(monkeypatch):
         for each in [each for name in modules for each in vars(sys.modules[name]).values()]:
             if isinstance(each, decorators.Tiered):
                 monkeypatch.setattr(each, "seconds", 0.0)
-                names = ["_address_of_code", "is_compiled"]
-                for name in names:
+                for name in ("_address_of_code", "is_compiled"):
                     monkeypatch.delitem(vars(each), name, raising=False)
         monkeypatch.setattr(decorators, "is_kept", lambda *_: False)
         monkeypatch.setattr(decorators, "WARM_UP", 1000.0)

@@ -3,32 +3,27 @@
     steps(part, parts, arguments, omega0, span, output)
 
 A kernel is decorated with `core.numba.decorators.kernel`. Its span and its output are a `Span` and
-an `Output` of `core.numba.span`.
-It neither validates nor raises, and allocates nothing inside loops over steps.
+an `Output` of `core.numba.span`, which explains their fields. A kernel neither validates nor
+raises, and allocates nothing inside loops over steps. No error shows if it writes too much.
 
 1. `arguments` is the tuple of arrays that `StepMethod.arguments(body, eps, batch)` returned, once
    for a run; a kernel only reads it. An array has one row if all B trajectories share it, else B
    rows: ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
-2. The `span` (begin, end, start, stop, every, row) says that the call takes the trajectories
-   begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
-   `parts`; `core.numba.decorators.share` returns its trajectories.
+2. A thread takes part number `part` of `parts` of the trajectories begin <= i < end, which
+   `core.numba.decorators.share` returns, from state `start` to state `stop`.
 3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is NaN,
    as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do nothing else.
 4. A run can be cut into calls anywhere, in time and in the batch, and all cuts give the same bits:
-   a step must not depend on n. Steps continue from `final` (B, D) and from `carry` (carried, B),
-   whose contents the kernel chooses. Both are read if start > 0, and written at `stop`.
+   a step must not depend on n. Steps continue from `final` and from `carry`, whose contents the
+   kernel chooses. Both are read if start > 0, and written at `stop`.
 5. If every > 0, states n with start < n <= stop, and n = 0 if start = 0, are saved if n is a
-   multiple of `every`: the first to saved[row], the next to saved[row + 1], and so on; `saved` is
-   (rows, B, D).
-6. `final` receives the states at `stop`, saved or not.
-7. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond float64),
+   multiple of `every`: the first to saved[row], the next to saved[row + 1], and so on.
+6. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond float64),
    failed_at[i] = n, and NaN from there on, in `saved` and `final`, also in later calls. The bits of
    a trajectory depend neither on others, nor on the batch, its order, or `parts`. With
    `StepMethod.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and both failed_at[i]
    and carry[0, i], which is 0 before, to the number of the state after it; a failure later leaves
    carry[0, i] as it is.
-
-A kernel writes to arrays that it is given, and no error shows if it writes too much.
 """
 
 import math

@@ -8,24 +8,10 @@ import inspect
 from typing import get_args
 
 import numpy as np
+import promises
 import pytest
 from children import TWO_THREADS
-from promises import (
-    BY_DEFAULT,
-    KINDS,
-    LANES,
-    OPTIONS,
-    RECORDS,
-    ROWS,
-    SIZE,
-    STEPS,
-    WITH_EPS,
-    hard,
-    has,
-    part,
-    same,
-    sample,
-)
+from promises import KINDS, LANES, RECORDS, ROWS, SIZE, WITH_EPS, hard, same, sample
 
 import suslov_fast as sf
 from suslov_fast.bodies import exact
@@ -36,7 +22,7 @@ from suslov_fast.maps.map_records import MAPS, Method
 
 def cases(threaded=False):
     rows = {name: row for name, row in ROWS.items() if row.threads or not threaded}
-    every = [(name, kind) for name in rows for kind in KINDS if has(kind, name)]
+    every = [(name, kind) for name in rows for kind in KINDS if promises.has(kind, name)]
     ids = [f"{name}, {kind}" for name, kind in every]
     return pytest.mark.parametrize(("name", "kind"), every, ids=ids)
 
@@ -72,7 +58,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, monkeypatch, name, kind):
         assert all(each.shape[: len(batch)] == batch for each in values)
         some = [i for i in np.ndindex(batch) if i[0] in (1, LANES - 1, LANES, SIZE - 1)]
         for index in (*some, rng.permutation(batch[0])):
-            alone = row.values(part(body, index, batch), state[index], step[index])
+            alone = row.values(promises.part(body, index, batch), state[index], step[index])
             same(alone, [each[index] for each in values])
 
 
@@ -125,7 +111,7 @@ def test_bad_input(rng, name, kind):
         with pytest.raises(TypeError, match=r"^(body|system) must"):
             row.call(1, omega, *(eps,) * row.eps)
     with pytest.raises(ValueError, match="broadcast"):
-        row.call(part(body, ..., (3,)), np.ones_like(omega), *row.given(body, eps))
+        row.call(promises.part(body, ..., (3,)), np.ones_like(omega), *row.given(body, eps))
     for wrong in (np.inf, 1e-51, 1e51, "a") if row.given(body, eps) else ():
         with pytest.raises((ValueError, TypeError), match=r"^eps must"):
             list(row.values(body, np.ones_like(omega), wrong))
@@ -134,17 +120,15 @@ def test_bad_input(rng, name, kind):
             list(row.values(body, np.ones_like(omega), eps, threads=count))
 
 
-with_options = pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
+with_options = pytest.mark.parametrize(("kind", "options"), promises.OPTIONS, ids=str)
 
 
 @pytest.mark.sampled(4)
 @with_options
 def test_runs_with_other_states_saved(rng, kind, options):
     body, omega, *eps = hard(rng, kind)
-    problem, options = (
-        (body, omega, *eps * (not isinstance(body, sf.Map))),
-        options | {"on_singular": "ignore"},
-    )
+    problem = body, omega, *eps * (not isinstance(body, sf.Map))
+    options = options | {"on_singular": "ignore"}
     whole = sf.iterate(*problem, 30, **options)
     assert {-2, 0} <= {*whole.status}
     if kind == "Suslov3D 0":
@@ -163,9 +147,9 @@ def test_states_saved_seldom(rng, kind):
     body, omega, _ = sample(rng, kind, (), (2 * LANES + 9,), ())
     options = {"on_singular": "ignore"}  # orbits may diverge
     eps = (0.1,) * (not isinstance(body, sf.Map))
-    whole = sf.iterate(body, 0.1 * omega, *eps, STEPS, **options)
+    whole = sf.iterate(body, 0.1 * omega, *eps, promises.STEPS, **options)
     for save_every in (2, 3):
-        run = sf.iterate(body, 0.1 * omega, *eps, STEPS, save_every=save_every, **options)
+        run = sf.iterate(body, 0.1 * omega, *eps, promises.STEPS, save_every=save_every, **options)
         same([run.states], [whole.states[::save_every]])
 
 
@@ -203,7 +187,7 @@ def test_the_jacobian_is_that_of_the_steps(rng, kind):
         np.testing.assert_allclose(found[there], slopes[there], rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in BY_DEFAULT if kind in WITH_EPS])
+@pytest.mark.parametrize("kind", [each for each in promises.BY_DEFAULT if each in WITH_EPS])
 def test_units_and_inverse(rng, kind):
     """Units change states of a Kahan map to rounding; a step of -eps goes back."""
     body, omega, eps = sample(rng, kind, (9,), (9,), (9,))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,15 +12,13 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..checks import FloatArray, Reals, real_number, wrong
 from ..fields.base import Body, Parameters
+from ..fields.field import Field
 from ..keywords import public
 from ..maps.evaluation import evaluate
 from ..maps.map_records import map_of
 from ..maps.problem import Problem, check
 from .exact import states_at
 from .formulas_3d import limits
-
-if TYPE_CHECKING:
-    from ..fields.field import Field
 
 
 class BodyOfEquations(Body):

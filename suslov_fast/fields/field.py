@@ -53,10 +53,9 @@ class Field(Traced):
         The names of the variables, ``"u v w"``, or their number, for x1, ..., xD.
     mass : callable or array_like(float, shape=(D, D)), optional
         The matrix M of equations ``M(x) x' = f(x)``: numbers, or a function of the state, and of
-        parameters by name, that returns it. The equations are solved for x' as formulas, with
-        pivots that are chosen once, so solutions end where a pivot becomes 0. A full matrix that
-        depends on x may have a dimension of up to about 12. If f has an argument `mass`, this
-        value is a parameter of f instead.
+        parameters by name. The equations are solved for x' as formulas, with pivots that are chosen
+        once, so solutions end where a pivot becomes 0. A full matrix that depends on x may have up
+        to about 12 rows. If f has an argument `mass`, the value is a parameter of f instead.
     **parameters : float or array_like(float, shape=(...))
         Values of the named parameters of f and of `mass`. Arrays broadcast, and make a family: a
         field for each set of values. A parameter cannot have the name of a variable, of time, or
@@ -75,10 +74,9 @@ class Field(Traced):
     Raises
     ------
     TypeError, ValueError
-        If f does not take the state as one argument, lacks a parameter, returns another number of
-        derivatives, calls a function that cannot be used, asks for the value of a symbol as
-        Python's ``if`` does, or returns something else when it is called again; also if M is
-        singular, or has a wrong shape.
+        If f takes other arguments, returns another number of derivatives, calls a function that
+        cannot be used, or asks whether a symbol is true, as ``if`` does; if its two results differ;
+        or if M is singular.
 
     See Also
     --------
@@ -197,7 +195,7 @@ class Field(Traced):
 
     @classmethod
     @public
-    def from_equations(cls, text: str, /, *names: str, **parameters: Any) -> Field:
+    def from_equations(cls, text: str, /, **parameters: Any) -> Field:
         """Return the field of equations that are written as a text.
 
         Parameters
@@ -206,8 +204,6 @@ class Field(Traced):
             An equation ``x' = formula`` for each variable, in the order of the state. Lines or
             semicolons separate equations. Formulas are written as in Python, with NumPy's
             functions by their names. ``a = 2`` gives the value of a parameter.
-        *names
-            Not accepted, because the variables are the names on the left.
         **parameters : float or array_like(float, shape=(...))
             Values of parameters that the text gives no value; arrays make a family.
 
@@ -226,9 +222,6 @@ class Field(Traced):
         >>> Field.from_equations("x' = v; v' = -w**2*sin(x) - v/8", w=2.0)
         Field(x' = v, v' = -w**2*sin(x) - v/8, w = 2.0)
         """
-        if names:
-            how = "variables are the names on the left, in their order"
-            raise wrong("names", "left out", f"{short(names[0])}: {how}", TypeError)
         equations: dict[str, str] = {}
         for part in filter(str.strip, re.split("[;\n]", text)):
             left, sign, value = (each.strip() for each in part.partition("="))

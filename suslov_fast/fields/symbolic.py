@@ -149,11 +149,8 @@ def constant(value: Any) -> float:
 
 def applied(name: str, *values: Any) -> Any:
     """Return the value of a function of numbers; some of them may be symbolic."""
-    for value in values:
-        if isinstance(value, Symbol):
-            tracer = value.tracer
-            break
-    else:  # numbers, such as some entries of arrays
+    tracer = next((each.tracer for each in values if isinstance(each, Symbol)), None)
+    if tracer is None:  # numbers, such as some entries of arrays
         return _of_numbers(name, values)
     if name == "where":
         condition, *rest = values
@@ -227,23 +224,23 @@ def _has_symbols(value: Any) -> bool:
     return isinstance(value, Symbol)
 
 
-def _carried_out(
-    called: Any, method: str, inputs: Sequence[Any], options: Mapping[str, Any]
-) -> Any:
-    """Return the value of a function of NumPy at symbolic numbers, with options such as `out`."""
-    name, options = called.__name__, dict(options)
-    is_product = called is np.matmul and method == "__call__"
+def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
+    """Return the value of a function of NumPy at symbolic numbers, as `__array_ufunc__`."""
+    name = ufunc.__name__
+    if isinstance(kwargs.get("out", (None,))[0], Symbol):
+        del kwargs["out"]  # for x += y, which makes x another symbol
+    is_product = ufunc is np.matmul and method == "__call__"
     if is_product and (product := _product(*inputs)) is not None:
         return product
     is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # from np.vectorize
-    if called.signature is not None or is_of_user:  # NumPy itself calls methods of objects
-        return _wrapped(getattr(called, method)(*map(_base, inputs), **_bases(name, options)))
+    if ufunc.signature is not None or is_of_user:  # NumPy itself calls methods of objects
+        return _wrapped(getattr(ufunc, method)(*map(_base, inputs), **_bases(name, kwargs)))
     function, _ = _function(name)
-    if method == "__call__" and not options and not any(map(_is_array, inputs)):
+    if method == "__call__" and not kwargs and not any(map(_is_array, inputs)):
         return function(*inputs)
-    out = options.get("out")
+    out = kwargs.get("out")
     on_arrays = getattr(_on_arrays(name), method)
-    result = on_arrays(*map(_base, inputs), **_bases(name, options))
+    result = on_arrays(*map(_base, inputs), **_bases(name, kwargs))
     return out[0] if out and out[0] is not None else _wrapped(result)
 
 
@@ -394,18 +391,18 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 }
 
 
-def _of_function(called: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
-    """Return the value of a function of NumPy that is no ufunc, at arrays of symbolic numbers."""
-    is_product = called is np.dot and len(args) == 2 and not options
+def _of_function(self: Any, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+    """Return the value of a function of NumPy that is no ufunc, as `__array_function__`."""
+    is_product = func is np.dot and len(args) == 2 and not kwargs
     if is_product and (product := _product(*args)) is not None:
         return product
-    if called in _FUNCTIONS:
-        return _FUNCTIONS[called](*args, **options)
-    if called.__name__ in OF_ARRAYS or not hasattr(called, "_implementation"):
-        _function(called.__name__)
+    if func in _FUNCTIONS:
+        return _FUNCTIONS[func](*args, **kwargs)
+    if func.__name__ in OF_ARRAYS or not hasattr(func, "_implementation"):
+        _function(func.__name__)
     # NumPy's code of the function, without its dispatch. If a later NumPy has no such attribute,
     # the line above raises the error of a function without a rule.
-    return _wrapped(called._implementation(*args, **options))
+    return _wrapped(func._implementation(*args, **kwargs))
 
 
 class Symbols(np.ndarray[Any, Any]):
@@ -413,18 +410,13 @@ class Symbols(np.ndarray[Any, Any]):
 
     _op_priority = 20.0  # numbers of SymPy, which have 10, leave operations to symbols
     __array_priority__ = 20.0  # methods of arrays, such as W.dot(x), return `Symbols`
+    __array_ufunc__, __array_function__ = _carried_out, _of_function
 
     @classmethod
     def of(cls, symbols: Sequence[Symbol]) -> Symbols:
         array = np.empty(len(symbols), object)
         array[:] = symbols
         return array.view(cls)
-
-    def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
-        return _carried_out(ufunc, method, inputs, kwargs)
-
-    def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
-        return _of_function(called, args, options)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, (Symbol, Symbols)):
@@ -458,17 +450,10 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     tracer: Any
     __hash__ = object.__hash__
     _op_priority = Symbols._op_priority
+    __array_ufunc__, __array_function__ = _carried_out, _of_function
 
     def __init__(self, tracer: Any, operand: Any) -> None:
         self.tracer, self.operand = tracer, operand
-
-    def __array_ufunc__(self, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
-        if isinstance(kwargs.get("out", (None,))[0], Symbol):
-            del kwargs["out"]  # for x += y, which makes x another symbol
-        return _carried_out(ufunc, method, inputs, kwargs)
-
-    def __array_function__(self, called: Any, _: Any, args: Any, options: Any) -> Any:
-        return _of_function(called, args, options)
 
     if not TYPE_CHECKING:
 

@@ -51,7 +51,6 @@ ROWS = [
     ("PENDULUM([1.0, 0.0], k=5)", r"with_parameters\(k=5\)\(x\)"),
     ("Field.from_equations('x\\' = v; v\\' = sin(t)')", "t' = 1"),
     ("Field.from_equations('x\\' = x : volt')", "without units"),
-    ("Field.from_equations('x\\' = -k*x', 'x', k=1)", "names on the left"),
     ("sf.Event(times=[[1, 2], [3]], to=lambda x: x)", "filled with nan"),
     ("flow(PENDULUM, [1j, 0.0], time=1)", "split"),
     ("sf.equilibria(PENDULUM, [0.1, 0]).eigenvectors", r"np\.linalg\.eig"),

@@ -339,10 +339,10 @@ class RationalMap(rational_functions.WithLetters):
         return line, self.at_eps(EPS).homogeneous_image(line), factors
 
     def cofactor(self, P: Any) -> RationalFunction | None:
-        """Return C with P(Phi) = C P, a constant times powers of the map's `factors`; or None.
+        """Return the cofactor C of a polynomial P, with P(Phi) = C P for the map Phi; or None.
 
-        On a random line modulo a prime, P(Phi) / P shows the powers. The constant is interpolated
-        from its values at random points.
+        C is a constant times powers of the map's `factors`. A random line modulo a prime shows the
+        powers, and values at random points the constant.
         """
         degree, (line, F, factors) = degree_of(P), self._on_random_line
         at_number, powers = modulo(P, self.prime, EPS), []

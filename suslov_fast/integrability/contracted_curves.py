@@ -36,14 +36,16 @@ _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger c
 
 
 class Passage(NamedTuple):
-    """The images of germs c + t v with points c of a contracted curve: their orders in t.
+    """Orders in t of the images of germs c + t v, where c is a point of a contracted curve.
 
-    Orders are listed from the first image, k = 1, to the last that begins at a point without image.
+    They are listed from the image after k = 1 step to the last one at a point without an image.
     """
 
-    common_orders: tuple[int, ...]  # powers of t that divide the coordinates of image k + 1
-    curve_orders: tuple[tuple[int, ...], ...]  # orders of each curve's equation along image k
-    steps: int | None  # the first image that begins at points of a curve again; None if none does
+    common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1
+    curve_orders: tuple[
+        tuple[int, ...], ...
+    ]  # order of each contracted curve's equation at image k
+    steps: int | None  # the k of the first images on a curve again; None if there are none
     endless: bool = False  # True if no last point without an image was found
 
 
@@ -95,9 +97,9 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a component modulo p of curve `number` on which germs begin; None without any.
+        """Return a component of curve `number` modulo p on which germs can begin; None without any.
 
-        Modulo p a curve may split into conjugate lines, which are contracted to different points.
+        A curve may split modulo p, into conjugate lines that are contracted to different points.
         """
         P = self.curves[number]
         if P == 0:
@@ -219,7 +221,7 @@ _NUMBERS = range(1, 9)  # numbers that are tried in place of s
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     """Return True if the orders in the `passage` of curve `number` are proved to be exact.
 
-    They were found modulo primes, where an order can only be larger. So 0 is exact.
+    They were found modulo primes. There an order is never too small, so an order 0 is exact.
     """
     if not passage.common_orders:
         return passage.steps is None
@@ -298,7 +300,7 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Follow the first germ; return (common order, curve orders) by step, and the last germ.
+        """Follow the germ `first`; return (common order, curve orders) by step, and the last germ.
 
         There are `steps` steps, or fewer if `terms` powers of t do not suffice. The result is None
         if coordinates become too large.
@@ -319,9 +321,10 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if orders in `passage` are multiplicities at points of the orbit: then exact.
+        """Return True if each order in `passage` is the multiplicity of a polynomial at a point.
 
-        Derivatives of lower orders must be 0 at these points, and only the last may have no image.
+        Such orders are exact. Derivatives of lower orders are 0, and only the last point of the
+        orbit has no image.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:

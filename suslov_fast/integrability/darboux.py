@@ -215,9 +215,9 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield the cofactors of the polynomials of this degree among F_0 and the map's factors.
+    """Yield the cofactors of polynomials of this degree: the map's factors, and its denominator.
 
-    They need not be `candidate_cofactors`, because a factor of F_0 need not divide its pullback.
+    `candidate_cofactors` may lack them, because these polynomials need not divide their pullbacks.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:
@@ -275,9 +275,9 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield c * candidate for all c that make it a cofactor of a polynomial up to a degree.
+    """Yield c * candidate for each constant c with which it is a cofactor, up to this degree.
 
-    The constants c are the eigenvalues of P -> P(Phi) / candidate.
+    The constants are the eigenvalues of the linear operator P -> P(Phi) / candidate.
     """
 
     def search(p: int, eps: Values) -> list[Any]:
@@ -300,10 +300,10 @@ def with_constants(
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
 ) -> Iterator[tuple[int, ...]]:
-    """Yield exponents of `factors` for which the product of powers divides a pullback P(F).
+    """Yield exponents of `factors` for which the product of powers divides some P(F_1, ..., F_0).
 
-    P and the quotient have this degree. If `at_infinity`, the product may also contain a power of
-    the last coordinate; it is not yielded. Divisibility is tested modulo a prime, on random lines.
+    P and the quotient are homogeneous of this degree, and F_i are the forms of the map. If
+    `at_infinity`, a power of the last coordinate may divide it, too; this power is not yielded.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)

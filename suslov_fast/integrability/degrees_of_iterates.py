@@ -186,9 +186,9 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
 
 
 def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
-    """Return the coefficients of a linear recurrence of this order for `terms`; None without any.
+    """Return the coefficients of a linear recurrence of this order that `terms` satisfy, or None.
 
-    None, too, if a lower order suffices, or `terms` give fewer than order + spare equations.
+    None also if a lower order suffices, or there are fewer than order + spare equations.
     """
     steps = len(terms) - order
     if steps < order + spare:
@@ -226,7 +226,7 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
 def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
     """Return the text of a recurrence that `number` degrees satisfy, except the first `transient`.
 
-    `from_identity` is True if it also holds with the degree 1 of the identity before the others.
+    `from_identity` is True if the recurrence also holds with the degree 1 of the identity in front.
     """
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]

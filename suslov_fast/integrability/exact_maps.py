@@ -200,7 +200,7 @@ def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
 
 
 def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
-    """Return stages of which a map is the composition, each as polynomials F_1, ..., F_D, F_0.
+    """Return the stages of a map, each as polynomials F_1, ..., F_D, F_0; it is their composition.
 
     A stage ends where the remaining operations of the map's program need only D values that depend
     on x. Errors begin with `name`.

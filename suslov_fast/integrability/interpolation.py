@@ -108,7 +108,7 @@ def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
 
 
 def _simplest(exponents: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
-    """Return the matrix of pairs (N, D) with the simplest rational coefficients.
+    """Return a matrix of pairs (N, D) with the simplest rational coefficients for these residues.
 
     `exponents` are the exponents in all N and D; `residues` has (all coefficients modulo p, p).
     """
@@ -220,9 +220,9 @@ class Line:
         self._zeros = math.prod(flint.nmod_poly([-c, 1], p) for c in z)
 
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
-        """Return polynomials (N, D) of low degrees, such that N / D has these values at the points.
+        """Return the polynomials (N, D) of least degrees such that N / D has these values; or None.
 
-        The result is None if this needs more values, or if N has at most the degree `lowest`.
+        None if the values are too few to be sure, or the degree of N is at most `lowest`.
         """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)
@@ -245,9 +245,9 @@ def _scaled(pair: Any, sizes: Sequence[int]) -> list[list[int]]:
 
 
 def _terms(coefficients: Any, s: Sequence[int], points: Any, p: int) -> Terms | None:
-    """Return the terms of a polynomial in letters, from its values on lines s + z t; or None.
+    """Return the terms of a polynomial in letters; None if more lines s + z t are needed.
 
-    `coefficients` are its coefficients in z for each t in `points`. None means: more are needed.
+    `coefficients` has, for each t in `points`, its coefficients in z on this line.
     """
     lower, terms = [[*of_line] for of_line in coefficients], Terms()
     for k in range(len(lower[0]) - 1, -1, -1):

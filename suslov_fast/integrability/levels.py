@@ -237,13 +237,13 @@ class _Equations:
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
-        """Return the coordinates `kept`, and the last, of the second point of a quadric on a line.
+        """Return the second point of a quadric on a line through x: coordinates `kept`, and last.
 
-        The first is x. The direction d of the line has coordinates x1, x2, 1 at `kept`, and else 0.
+        The direction of the line has the coordinates x1, x2 and 1 at `kept`, and 0 elsewhere.
         """
         one = self.plane.constant(1)
         start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in `plane`
-        d = [0 * one] * len(x)
+        d = [0 * one] * len(x)  # the direction
         for k, a in zip(kept, (*self.plane.gens()[-2:], one), strict=True):
             d[k] = a
         # The quadric meets the line x + s d at s = -b / a.

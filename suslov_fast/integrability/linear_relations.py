@@ -106,7 +106,8 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
     """Return a basis of the relations of all orbits if its quotients are integrals, else ().
 
-    They are integrals if the relations of one orbit span d dimensions, those of all orbits d + 1.
+    They are integrals if the relations of one orbit span d dimensions, and the relations of all
+    orbits d + 1.
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0 or not map.is_invertible:
@@ -231,41 +232,20 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
     ]
 
 
-class _RelationsOnLine:
-    """Relations along the orbits of points of a random line, from which degrees follow."""
-
-    def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
-        self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
-        self.p = map.prime
-        self.monomials = tuple({e: None for circuit in circuits for e in circuit})
-        self.columns = [[self.monomials.index(e) for e in circuit] for circuit in circuits]
-        a, b = (arithmetic.random_point(map.dimension, self.p, rng)[:-1] for _ in range(2))
-        self.line = list(zip(a, b, strict=True))  # a + b t
-        self.parameters: list[int] = []
-        self.coefficients: list[list[list[int]]] = []  # coefficients by point, circuit and monomial
-
-    def extend(self, count: int) -> None:
-        """Compute the relations of further points of the line, until there are `count` points."""
-        p, length = self.p, max(map(len, self.circuits))
-        while len(self.parameters) < count:
-            t = flint.nmod(self.rng.randrange(p), p)
-            x = [*(a + b * t for a, b in self.line), t**0]
-            values = monomials_along(self.map, self.monomials, x, length).tolist()
-            matrices = ([[row[k] for k in columns] for row in values] for columns in self.columns)
-            spaces = [arithmetic.null_space(flint.nmod_mat(rows, p)) for rows in matrices]
-            self.parameters.append(int(t))
-            self.coefficients.append([space[0] for space in spaces])
-        self._quotients = Line(self.parameters, p)
-
-    def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
-        """Return the degree of a quotient of coefficients on the line; None if points are too few.
-
-        The coefficients belong to the monomials number `numerator` and `denominator` of a circuit.
-        """
-        coefficients = [of_point[circuit] for of_point in self.coefficients]
-        values = [c[numerator] * pow(c[denominator], -1, self.p) for c in coefficients]
-        pair = self._quotients.quotient(values, lowest=(len(values) - 1) // 2)
-        return pair and max(0, *(int(P.degree()) for P in pair))
+def _on_random_line(
+    map: RationalMap, circuits: list[Exponents], rng: random.Random
+) -> Iterator[tuple[int, list[list[int]]]]:
+    """Yield t, and the coefficients of each circuit's relation, at points of a random line."""
+    p, at_number, length = map.prime, map.at_eps(EPS), max(len(circuit) for circuit in circuits)
+    monomials = tuple({e: None for circuit in circuits for e in circuit})
+    columns = [[monomials.index(e) for e in circuit] for circuit in circuits]
+    start, slope = (arithmetic.random_point(map.dimension, p, rng)[:-1] for _ in range(2))
+    while True:
+        t = flint.nmod(rng.randrange(p), p)
+        x = [*(a + b * t for a, b in zip(start, slope, strict=True)), t**0]
+        values = monomials_along(at_number, monomials, x, length).tolist()
+        matrices = ([[row[k] for k in places] for row in values] for places in columns)
+        yield int(t), [arithmetic.null_space(flint.nmod_mat(rows, p))[0] for rows in matrices]
 
 
 @lru_cache(maxsize=1024)
@@ -286,16 +266,21 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
     sets = circuits(map, monomials, rng)
     if not sets:
         return
-    on_line = _RelationsOnLine(map, sets, rng)
+    on_line, points = _on_random_line(map, sets, rng), list[tuple[int, list[list[int]]]]()
     # Quotients of coefficients: the number of a circuit, and the positions of two monomials.
     unknown = [(k, *pair) for k, e in enumerate(sets) for pair in combinations(range(len(e)), 2)]
     for most in _DEGREES:
-        on_line.extend(2 * most + 3)
-        degrees = {quotient: on_line.degree(*quotient) for quotient in unknown}
-        unknown = [quotient for quotient in unknown if degrees[quotient] is None]
-        known = [(degree, *quotient) for quotient, degree in degrees.items() if degree]
-        for degree, k, numerator, denominator in sorted(known):
-            yield ImplicitIntegral(map, sets[k], sets[k][numerator], sets[k][denominator], degree)
+        points += islice(on_line, 2 * most + 3 - len(points))
+        line, known, others = Line([t for t, _ in points], map.prime), [], []
+        for k, i, j in unknown:
+            values = [c[k][i] * pow(c[k][j], -1, map.prime) for _, c in points]
+            if (pair := line.quotient(values, lowest=most + 1)) is None:
+                others.append((k, i, j))
+            elif degree := max(0, *(int(P.degree()) for P in pair)):
+                known.append((degree, k, i, j))
+        unknown = others
+        for degree, k, i, j in sorted(known):
+            yield ImplicitIntegral(map, sets[k], sets[k][i], sets[k][j], degree)
 
 
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:

@@ -24,7 +24,7 @@ _HIGHEST = 6  # the largest degree of a pencil of which reducible members are so
 
 
 def _equations(space: Sequence[Any], degree: int, p: int, rng: random.Random) -> Iterator[Any]:
-    """Yield the matrix of the equations for g and h, on one random plane, for each f of `space`.
+    """Yield the matrix of d/dv (g / f) = d/du (h / f), on one random plane, for each f of `space`.
 
     Columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for each monomial g, then h. The
     first column is left out, so that the gradient of f is no solution.

@@ -148,7 +148,7 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 def primitive(P: Any) -> Any:
     """Return the multiple of P with coprime integer coefficients and a positive first coefficient.
 
-    With letters, the first coefficient among the terms of lowest order in the first letter.
+    With letters, it is the first of the coefficients of lowest order in the first letter.
     """
     P = P.primitive()[1]
     orders = [e[0] for e in P.monoms()] if letters_in(P) else [0]
@@ -159,7 +159,8 @@ def primitive(P: Any) -> Any:
 def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     """Return the primitive irreducible factors of a polynomial, and their powers, in a fixed order.
 
-    Over the rationals, because over the integers python-flint 0.9 fails for large coefficients.
+    They are computed over the rationals: over the integers python-flint 0.9 fails if a coefficient
+    is large.
     """
     rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
     powers = rationals.from_dict(P.to_dict()).factor()[1]
@@ -279,9 +280,9 @@ def selected(
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:
-    """Return [N_1, ..., N_n, det A], such that N_i / det A solve the linear system A x = b.
+    """Return [N_1, ..., N_n, det A], such that x_i = N_i / det A solve the linear system A x = b.
 
-    `system` has the rows of (A | b), and is overwritten: Bareiss's elimination, without fractions.
+    `system` has the rows of (A | b); Bareiss's elimination overwrites them.
     """
     n, previous = len(system), 1
     for k in range(n):
@@ -304,10 +305,10 @@ def determinant(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def polynomials_with(rows: Rows, exponents: Exponents, letters: Sequence[str] = ()) -> Polynomials:
-    """Return a basis of the polynomials whose coefficients span `rows`: primitive polynomials.
+    """Return a basis of the span of polynomials with these `rows` of coefficients of monomials.
 
-    A row has a pair (N, D) for each of the `exponents`: the coefficient is N / D, a function of the
-    letters. Without letters, LLL makes the coefficients short.
+    A coefficient is a pair (N, D), for a quotient N / D of polynomials in letters. The result has
+    primitive polynomials; without letters, LLL makes their coefficients short.
     """
     names = (*letters, *labels(len(exponents[0])))
     if not letters:

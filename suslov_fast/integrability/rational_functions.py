@@ -355,7 +355,7 @@ def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[Ratio
     """Yield the roots of a polynomial in one variable that are rational functions of letters.
 
     ``search(p, values)`` returns its coefficients modulo p, lowest first, with the numbers `values`
-    for the letters of `ring`; or [], and there are no roots.
+    for the letters of `ring`; or [] if there is no such polynomial.
     """
     letters = letters_of(ring)
 

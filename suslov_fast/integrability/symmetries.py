@@ -155,10 +155,10 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Itera
 
 
 def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
-    """Yield solutions from `values`, with a row for each monomial in n unknowns up to a degree.
+    """Yield solutions from `values`: its columns span the values of monomials at all solutions.
 
-    The columns of `values` span the values of the monomials at all solutions. The values at one of
-    them are an eigenvector of the product of the first `count` monomials and a random linear form.
+    Its rows belong to the monomials in n unknowns up to a degree. Multiplication of the first
+    `count` monomials by a random linear form has a solution's values as an eigenvector.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}

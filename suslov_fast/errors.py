@@ -4,8 +4,8 @@
 class SuslovError(Exception):
     """Base class of errors that come from the mathematics, not from a wrong argument.
 
-    They are :class:`NotIntegrableError`, :class:`SingularStepError` and :class:`NoConvergence`.
-    Wrong arguments are a plain ValueError or TypeError.
+    The errors are :class:`NotIntegrableError`, :class:`SingularStepError` and
+    :class:`NoConvergence`. Wrong arguments raise a ValueError or a TypeError instead.
 
     Examples
     --------
@@ -19,10 +19,10 @@ class SuslovError(Exception):
 
 
 class NoConvergence(SuslovError):
-    """No periodic orbit is found near a start and a period.
+    """:func:`periodic_orbit` found no orbit near the start and the period that it was given.
 
-    The message of :func:`periodic_orbit` says what was found instead: an equilibrium, perhaps one
-    to which the motion falls, or a motion that ends.
+    The message says what was found instead: an equilibrium, an equilibrium to which the motion
+    decays, or a motion that ends.
 
     Examples
     --------

@@ -220,11 +220,9 @@ def explore(
         raise checks.wrong("x0", f"have the shape ({D},)", start.shape)
     if of_map and time is not None:
         raise TypeError("time is for the motion, eps and steps for the map: leave out one of them")
-    if not system._has_eps and (eps, time) != (None, None):
-        raise TypeError("explore: a Map has neither eps nor time: pass steps=N")
-    if of_map or not system._has_eps or (time is None and isinstance(system, AnyBody)):
+    if time is None and (of_map or isinstance(system, AnyBody) or not system._has_eps):
         options = {"steps": float(checks.integer("steps", 500 if steps is None else steps, 1))}
-        if system._has_eps:
+        if system._has_eps or eps is not None:
             options = {"eps": 0.2 if eps is None else checks.one_number("eps", eps), **options}
     else:
         options = {"time": 20.0 if time is None else checks.one_number("time", time)}

@@ -23,7 +23,7 @@ def plain(row):
 def panel(axis, pairs, written):
     """Draw pairs (row, value): a dot with its name and value, or a line for a limit.
 
-    Names stand above the dots: beside them they would be too small to read on a phone.
+    Names stand above the dots, because names beside them would be too small to read on a phone.
     """
     dots = [pair for pair in pairs if pair[0].whose in KINDS]
     beside = {"transform": axis.get_yaxis_transform(), "va": "center"}
@@ -45,9 +45,9 @@ def panel(axis, pairs, written):
 
 
 def draw(results, path):
-    """Save the chart, with the machine below.
+    """Save the chart, with the name of the machine below.
 
-    Saved states are shares of a limit, since the speed of memory may vary between rows.
+    Rates of saved states are shares of a limit, since the speed of memory varies over time.
     """
     last = [(row, row.rate) for row in results.of("last states")]
     shares = [(row, results.share(row)) for row in results.of("saved states")]

@@ -4,9 +4,9 @@ fails in one of them or nothing was compared.
 `python bench/compare.py REV_A [REV_B]` extracts both revisions (a folder is used as it is; the
 default of REV_B is this working tree). One process per revision runs the cases of this working
 tree, in turns A B, B A, and so on: the speed of a machine varies over seconds, so that only ratios
-from one run are meaningful. A case is too slow if both the median of the ratios B / A and the ratio
-of the minima exceed `--threshold`, and do so again in longer turns. Cases that fail in a revision
-are listed: a name that it lacks fails those alone that use the name.
+from one run are meaningful. A case is too slow if the median of the ratios B / A and the ratio of
+the minima exceed `--threshold`, and exceed it again in longer turns. Cases that fail in one of the
+revisions are listed; if a revision lacks a name, only the cases that use the name fail.
 """
 
 import argparse
@@ -89,9 +89,9 @@ def ratios(a, b):
 
 
 def compare(workers, chosen, options):
-    """Print the times of cases; return those too slow, those that failed in A and B, and the count.
+    """Print the times of cases; return names of slow and of failed cases, and the number compared.
 
-    `chosen` has the module of each case.
+    `chosen` maps names of cases to their modules.
     """
     too_slow, failed, compared = [], {"A": [], "B": []}, 0
     part = 4 if options.quick else 1

@@ -31,7 +31,7 @@ def pytest_collection_modifyitems(config, items):
 def _kind(case):
     """Return what one small case stands for: a function of a peer, a kind of process, or a row.
 
-    One function stands for all of a module whose functions Numba compiles for seconds.
+    If Numba compiles the functions of a module for seconds, the module stands for them all.
     """
     if case.table == "processes":
         return case.key.rpartition("-")[2]

@@ -58,7 +58,7 @@ def starts(name, count):
 
 @cache
 def by_flow(name, rtol=1e-9):
-    """A function of the number of trajectories, as of the peers: last states, number of changes."""
+    """Return a function of the number of trajectories: last states, and the number of changes."""
     f, names, where, to, T, _ = PROBLEMS[name]
     if isinstance(where, np.ndarray):
         change = Event(times=where, to=to)
@@ -79,7 +79,7 @@ def by_flow(name, rtol=1e-9):
 
 
 def changes(function, name, batch, size):
-    """Work whose units are changes; in place of an error by how much it exceeds 1e-6, or 1."""
+    """Return work in units of changes, with errors below 1e-6; as `motions.at_equal_error`."""
     call, count = load(function)(name), size(batch, 3)
 
     def check():

@@ -20,7 +20,7 @@ WANTED = "1,001 times", "crossings of y = 0"
 
 
 def by_trajectory(time, trajectory, batch):
-    """Times of crossings, a row for each trajectory, with zeros after the last one."""
+    """Return times of crossings, a row for each trajectory, with zeros after the last crossing."""
     counts = np.bincount(trajectory, minlength=batch)
     rows = np.zeros((batch, counts.max(initial=0)))
     rows[np.arange(rows.shape[1]) < counts[:, np.newaxis]] = time
@@ -28,7 +28,7 @@ def by_trajectory(time, trajectory, batch):
 
 
 def by_flow(wanted, tolerance):
-    """A function of starts: states (1001, batch, 4), or times of crossings (batch, most)."""
+    """Return a function of starts, for states (1001, batch, 4) or times of crossings (batch, k)."""
     field, options = motions.field_of(SYSTEM), {"rtol": tolerance, "threads": 1}
     if wanted == WANTED[0]:
         return lambda x: flow(field, x, time=TIMES, **options).states
@@ -46,13 +46,13 @@ def reference(wanted, batch):
 
 
 def error(wanted, call, batch):
-    """The largest error beside the largest component or time; infinite if a crossing is missed."""
+    """Return the error relative to the largest component or time; inf if a crossing is missed."""
     found, right = call(motions.SYSTEMS[SYSTEM].starts(batch)), reference(wanted, batch)
     return abs(found - right).max() / abs(right).max() if found.shape == right.shape else np.inf
 
 
 def inside(function, wanted, tolerance, batch, below, size):
-    """Work whose units are orbits; in place of an error by how much it exceeds the bound, or 1."""
+    """Return work in units of orbits; its check is as that of `motions.at_equal_error`."""
     call, batch = load(function)(wanted, tolerance), size(batch, 4)
     x = motions.SYSTEMS[SYSTEM].starts(batch)
     check = lambda: (np.array([max(error(wanted, call, batch) / below, 1.0)]), np.ones(1))  # noqa: E731
@@ -89,13 +89,10 @@ def add_cases(add):
 
 
 def search(key, wanted):
-    """Return the largest tolerance of a grid whose error is below the bound."""
-    call = load(METHODS[key][2])
-    for number in 1e-2 * 10 ** (-0.1 * np.arange(30, 112)):
-        tolerance = float(f"{number:.1e}")
-        if error(wanted, call(wanted, tolerance), batch_of(key, wanted)) < BELOW:
-            return tolerance
-    raise ValueError(f"{key}, {wanted}: no tolerance gives an error below {BELOW}")
+    """Return the largest tolerance of a grid with an error below the bound."""
+    by_method, batch = load(METHODS[key][2]), batch_of(key, wanted)
+    of = lambda tolerance: error(wanted, by_method(wanted, tolerance), batch)  # noqa: E731
+    return motions.largest_tolerance(of, BELOW, 1e-5)
 
 
 def main():

@@ -1,10 +1,10 @@
 """Measure rings and lattices from 3 to 4,096 variables, and write a table for the docs.
 
-`python bench/lattices.py` writes `results/lattices.md`: of Fisher's equation, with one field, and
-of predators and prey that diffuse, with two, the processor time of the first step of Kahan's map
-and the first motion, whose codes are made there; of a step and of a stiff motion, for one orbit and
-for one of eight, after WARM calls; and that of SciPy's BDF, with a compiled right-hand side and the
-pattern of its derivative. `-k` chooses rows, prints, and writes nothing.
+`python bench/lattices.py` writes `results/lattices.md`. The equations are Fisher's, with one field,
+and those of predators and prey that diffuse, with two fields. Columns are processor times: of the
+first step of Kahan's map and the first motion, which compile; of a step and of a stiff motion, for
+one orbit and for one of eight, after WARM calls; and of SciPy's BDF, with a compiled right-hand
+side and the pattern of its derivative. `-k` chooses rows, prints them, and writes nothing.
 """
 
 import argparse

@@ -7,15 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 import problem
+from standard_problems import hires, robertson
 from work import OTHERS, OURS, C, Work, load
 
 from suslov_fast import Field, flow, iterate
 
 
 class System(NamedTuple):
-    """Equations x' = f(x, m) in D variables, where m has the functions sin and sqrt, as NumPy.
+    """Equations x' = f(x, m) in D variables, where the module m has sin and sqrt, as NumPy has.
 
-    `starts(batch)` are states at time 0, (batch, D), and `time` is the last one.
+    `starts(batch)` returns states (batch, D) at time 0; the motion ends at `time`.
     """
 
     title: str
@@ -23,7 +24,6 @@ class System(NamedTuple):
     D: int
     starts: Callable[[int], np.ndarray]
     time: float
-    kind: type = Field
 
 
 def henon_heiles(z, m):
@@ -33,25 +33,6 @@ def henon_heiles(z, m):
 
 def euler_top(x, m):
     return x[1] * x[2] / 2, -(x[2] * x[0]), x[0] * x[1] / 3
-
-
-def hires(y, m):
-    pair = 280 * y[5] * y[7]
-    return (
-        -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
-        1.71 * y[0] - 8.75 * y[1],
-        -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
-        8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
-        -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
-        -pair + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
-        pair - 1.81 * y[6],
-        -pair + 1.81 * y[6],
-    )
-
-
-def robertson(x, m):
-    slow, back, fast = 0.04 * x[0], 1e4 * x[1] * x[2], 3e7 * x[1] * x[1]
-    return back - slow, slow - back - fast, fast
 
 
 def van_der_pol(x, m):
@@ -109,24 +90,21 @@ SYSTEMS = {
         lambda batch: problem.starts(batch, 3, -8, 8) + np.array([0, 0, 20]),
         2.0,
     ),
-    "kepler": System("Kepler, e = 0.6", kepler, 4, on_an_ellipse, 2 * np.pi, Field),
+    "kepler": System("Kepler, e = 0.6", kepler, 4, on_an_ellipse, 2 * np.pi),
     "fput": System(
         "FPUT of 6",
         lattice(problem.fermi_pasta_ulam_tsingou),
         12,
         between(12, -0.3, 0.3),
         20.0,
-        Field,  # which keeps the squares of differences that are f, half as many operations
     ),
-    "pendulum": System("A pendulum", pendulum, 2, between(2, -2.5, 2.5), 20.0, Field),
+    "pendulum": System("A pendulum", pendulum, 2, between(2, -2.5, 2.5), 20.0),
     "rosenzweig": System(
-        "Rosenzweig and MacArthur", rosenzweig_macarthur, 2, between(2, 0.3, 2), 50.0, Field
+        "Rosenzweig and MacArthur", rosenzweig_macarthur, 2, between(2, 0.3, 2), 50.0
     ),
     "hires": System("HIRES", hires, 8, near(np.array([1, 0, 0, 0, 0, 0, 0, 0.0057])), 321.8122),
     "robertson": System("Robertson", robertson, 3, near(np.array([1.0, 0, 0])), 4e5),
-    "van-der-pol": System(
-        "Van der Pol, 1000", van_der_pol, 2, near(np.array([2.0, 0.0])), 2000.0, Field
-    ),
+    "van-der-pol": System("Van der Pol, 1000", van_der_pol, 2, near(np.array([2.0, 0.0])), 2000.0),
 }
 for D in (40, 128, 512):
     SYSTEMS[f"lorenz-96-{D}"] = System(
@@ -138,18 +116,18 @@ STIFF = "hires", "robertson", "van-der-pol"
 @functools.cache
 def field_of(name):
     system = SYSTEMS[name]
-    return system.kind(lambda x: system.f(x, np), system.D)
+    return Field(lambda x: system.f(x, np), system.D)
 
 
 @functools.cache
 def reference(name, batch):
-    """States at the last time, by `flow`; of stiff systems at a tolerance that it reaches soon."""
+    """Return states at the last time, by `flow`; of stiff systems at a tolerance that is fast."""
     rtol = 1e-11 if name in STIFF else 1e-13
     return by_flow(name, rtol)(SYSTEMS[name].starts(batch))
 
 
 def by_flow(name, tolerance):
-    """A function of starts, on one thread, as of the other methods."""
+    """Return a function of starts, which computes on one thread, as the other methods do."""
     field, time = field_of(name), SYSTEMS[name].time
     return lambda x: flow(field, x, time=time, rtol=tolerance, threads=1).states[0]
 
@@ -161,10 +139,10 @@ def by_steps(name, method, count):
 
 
 def at_equal_error(function, name, arguments, batch, below, size):
-    """Motions whose largest error, beside the largest component, is below a bound.
+    """Return work: motions with an error below a bound, relative to the largest component.
 
-    `function(name, *arguments)` makes a function of starts. In place of an error the work has 0, or
-    by how much the bound is exceeded.
+    `function(name, *arguments)` makes a function of starts. The check compares the ratio of error
+    and bound, if it exceeds 1, with 1.
     """
     call, batch = load(function)(name, *arguments), size(batch, 16)
     x = SYSTEMS[name].starts(batch)
@@ -266,14 +244,20 @@ def add_cases(add):
 
 
 def search(name, key, below, batch):
-    """Return the largest tolerance of a grid whose error is below a bound."""
-    call = load(METHODS[key][2])
+    """Return the largest tolerance of a grid with an error below a bound."""
+    by_method = load(METHODS[key][2])
     x, wanted = SYSTEMS[name].starts(batch), reference(name, batch)
-    for number in 1e-2 * 10 ** (-0.1 * np.arange(112)):
-        found = call(name, float(f"{number:.1e}"))(x)
-        if abs(found - wanted).max() < below * abs(wanted).max():
-            return float(f"{number:.1e}")
-    raise ValueError(f"{name}, {key}: no tolerance gives an error below {below}")
+
+    def error(tolerance):
+        return abs(by_method(name, tolerance)(x) - wanted).max() / abs(wanted).max()
+
+    return largest_tolerance(error, below)
+
+
+def largest_tolerance(error, below, first=1e-2):
+    """Return the largest tolerance of a grid from `first` to 1e-13 with a small error, or None."""
+    grid = (float(f"{number:.1e}") for number in 10 ** np.arange(np.log10(first), -13.15, -0.1))
+    return next((tolerance for tolerance in grid if error(tolerance) < below), None)
 
 
 def main():

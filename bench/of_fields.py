@@ -87,28 +87,15 @@ def add_cases(add):
         ("numpy", NUMPY, "NumPy, `linalg.solve`", BY_NUMPY, 16, BY_NUMPY, ALL),
     ):
         more = {"one_thread": whose in (NUMPY, OTHERS)}
-        for n in dimensions:
-            steps = max(2304 // n // part, 1)
-            arguments = (
-                work.fields,
-                function,
-                partial(sparse_field, n),
-                49_152 // n,
-                steps,
-                reference,
-            )
-            add("fields", key, whose, label, *arguments, x=n, **more)
-        for n in (6, 12) if reference == BY_NUMPY and len(dimensions) > 1 else ():
-            steps = max(576 // n // part, 1)
-            arguments = (
-                work.fields,
-                function,
-                partial(dense_field, n),
-                49_152 // n,
-                steps,
-                reference,
-            )
-            add("dense fields", key, whose, label, *arguments, x=n, **more)
+        dense = (6, 12) if reference == BY_NUMPY and dimensions == ALL else ()
+        for table, field, numbers, most in (
+            ("fields", sparse_field, dimensions, 2304),
+            ("dense fields", dense_field, dense, 576),
+        ):
+            for n in numbers:
+                steps, batch = max(most // n // part, 1), 49_152 // n
+                arguments = work.fields, function, partial(field, n), batch, steps, reference
+                add(table, key, whose, label, *arguments, x=n, **more)
     for name in problem.OWN_MAPS:
         for key, whose, label, function in (
             ("iterate", OURS, "`iterate` of a `Map`", last_of_map),

@@ -35,9 +35,7 @@ def henon_heiles(x):
 
 @functools.cache
 def sparse_field(D):
-    """The Lorenz system for D = 3, that of Hénon and Heiles for D = 4, else a periodic Volterra
-    chain.
-    """
+    """Return the Lorenz system for D = 3, Hénon and Heiles's for 4, else a Volterra chain."""
     if D == 4:
         return Field.from_hamiltonian(henon_heiles, D)
     return Field(lorenz_system if D == 3 else volterra_chain, D)

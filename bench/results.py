@@ -19,9 +19,9 @@ PACKAGES = ["Numba", "llvmlite", "NumPy", "SciPy", "heyoka", "jax"]
 class Results:
     """Rows of a file of `pytest bench --benchmark-json`, by their names.
 
-    A row has the attributes of its case, and `units` of work, `rate` of units in a second,
-    `seconds`, the largest relative `error`, and the number of `threads`. Tables of motions may be
-    those of another file and machine, `motions`.
+    A row has the attributes of its case, the `units` of work, the `rate` in units per second,
+    `seconds`, the largest relative `error`, and the number of `threads`. `motions` is the content
+    of another file, perhaps of another machine, with the tables of motions.
     """
 
     def __init__(self, content, motions=None):
@@ -39,10 +39,10 @@ class Results:
         return sorted(rows, key=lambda row: -row.rate)
 
     def share(self, row):
-        """Share of its limit that a row reaches, or None.
+        """Return the share of its limit that a row reaches, or None.
 
-        The limit is the highest rate of any row: if a row exceeds the benchmark of the limit, the
-        benchmark ran at a slow moment.
+        The limit is the highest rate of any row, because the benchmark of the limit may have run at
+        a slow moment.
         """
         if row.limit is None:
             return None

@@ -1,12 +1,12 @@
 """Solve the problems of `standard_problems` by `flow` and by SciPy, and write a table for the docs.
 
 `python bench/standard.py` writes `results/standard.json` and `results/standard.md`. Each problem is
-solved once from its start at three tolerances. Its error is that at the last time, divided by what
-the tolerance allows there: by rtol times the largest modulus that the component has had, as the
-default of `flow` has it, or by atol + rtol abs(y). References are published ends, or come from
-DOP853 at 1e-13 if derivatives allow it, else from Radau at 1e-11, or where that takes long from
-LSODA at 1e-12; `--references` computes them anew. Right-hand sides are
-compiled: by this package, and for SciPy by gcc. SciPy takes derivatives by differences.
+solved once from its start at three tolerances. The error at the last time is divided by the error
+that the tolerance allows: rtol times the largest modulus that the component has had, as is the
+default of `flow`, or atol + rtol abs(y). References are published end values; if there are none,
+they come from DOP853 at 1e-13 for problems that are not stiff, else from Radau at 1e-11 or, where
+Radau takes long, from LSODA at 1e-12. `--references` computes them again. This package compiles its
+right-hand sides, and gcc compiles those for SciPy. SciPy's solvers take derivatives by differences.
 """
 
 import argparse
@@ -166,7 +166,7 @@ def timed(call):
 
 
 def measure(problem, known, folder):
-    """Return the results of a problem, `known` is what was stored of it, or None."""
+    """Return the results of a problem; `known` is its stored (end, method), or None."""
     field, right = field_of(problem), right_hand_side(problem, folder)
     scale = scale_of(problem, field)
     if known is None or problem.known is not None:
@@ -232,7 +232,7 @@ def main():
     parser.add_argument(
         "-k", dest="select", default="", help="only problems whose group and name begin with this"
     )
-    parser.add_argument("--references", action="store_true", help="compute references anew")
+    parser.add_argument("--references", action="store_true", help="compute references again")
     options = parser.parse_args()
     stored, path = {}, FOLDER / "standard.json"
     if path.exists():

@@ -1,7 +1,7 @@
 """Results as Markdown: the pages of the folder `pages`, with a table in the place of each comment.
 
-A comment has the name of a table, perhaps the header of its first column, and those of the others.
-The comment "floors" becomes the ratios of `floors.ROWS`, and whether each is reached.
+A comment has the name of a table and the headers of its columns; the first header is optional. The
+comment "floors" becomes a table of the ratios of `floors.ROWS`.
 """
 
 import re

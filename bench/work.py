@@ -1,8 +1,8 @@
 """A benchmark, and its work: calls of one size, and their error.
 
 Each function below makes the work of one kind, for a function of this package or of a peer. Its
-last argument `size(full, small)` chooses between the size that is timed and that of a test. Errors
-are those against long doubles, in n dimensions and of fields those against NumPy.
+last argument `size(full, small)` returns `full` if the work is timed, and `small` in a test. The
+reference of errors is computed in long doubles; in n dimensions and for fields by NumPy.
 """
 
 import functools
@@ -29,8 +29,8 @@ try:
 except ImportError:  # Windows
     getrusage = None
 
-# Tables of motions at equal error, on one thread: of the processor's time, and in a file of their
-# own, because they are measured more often than all the others.
+# Tables of motions at equal error, on one thread, in processor time. They have a file of their
+# own, because they are measured more often than the other tables.
 MOTIONS = (
     *("orders", "one motion", "more motions", "inside"),
     *("lattices", "stiff motions", "changes"),
@@ -61,7 +61,7 @@ class Work(NamedTuple):
 class Case:
     """One benchmark, before any memory is allocated: `make(size)` returns its work.
 
-    `limit` is a limit of the machine and the amount of it that a unit of work needs.
+    `limit` is the name of a limit of the machine, and how much of it a unit of work needs.
     """
 
     table: str
@@ -81,12 +81,12 @@ class Case:
 
     @property
     def is_slow(self):
-        """Whether everything is compiled: it is measured once, without a call before."""
+        """True if the work compiles everything: it is measured once, without a call before."""
         return self.key.endswith("-first")
 
     @property
     def clock(self):
-        """Processor time, that of processes if they are started; or time on the wall."""
+        """The clock of the case: processor time, with child processes if any, or wall time."""
         if self.table in MOTIONS:
             return time.process_time
         is_cpu = self.table == "processes" or self.key.endswith("-cpu")
@@ -153,7 +153,7 @@ def dimensions(function, components, part, size):
 def fields(function, field, batch, steps, reference, size):
     """Steps of Kahan's map of a quadratic field by a function of (field, x, steps).
 
-    `reference` is another such function, or None if the result is not one of states.
+    `reference` is another such function, or None if `function` does not return states.
     """
     call, field = load(function), field()
     x = problem.starts_field(size(batch, 32) if batch > 8 else batch, field.dimension)
@@ -210,8 +210,10 @@ def by_flow(tolerance):
 
 
 def at_equal_error(function, argument, below, size):
-    """Motions whose largest error is below a bound; `function(*argument)` makes a function of their
-    starts. In place of an error it has 0, or by how much the bound is exceeded.
+    """Return work: motions of Hénon and Heiles with an error below a bound.
+
+    `function(*argument)` makes a function of starts. The check compares the ratio of error and
+    bound, if it exceeds 1, with 1.
     """
     call = load(function)(*argument)
     x, wanted = motions_of_henon_heiles()
@@ -225,9 +227,9 @@ def at_equal_error(function, argument, below, size):
 
 
 def processes(codes, fresh, size):
-    """Processes with this package, one after the other; with a new cache of kernels if `fresh`.
+    """Return work: processes with this package one by one, with empty caches if `fresh`.
 
-    They have as many threads for linear algebra as those of users, who do not limit them.
+    Threads of linear algebra are not limited in these processes, as users do not limit them.
     """
     tree = Path(suslov_fast.__path__[0]).parent
     settings = {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": ""}

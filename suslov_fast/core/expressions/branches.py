@@ -236,12 +236,9 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
 
     Values below number `first` are the state and the other parameters. `surfaces` is {number of a
     condition: `Surface`}. `shifted` is {number of a table's value: (p, q)}: the argument of the
-    table is p + q, where q is constant along a step. The results are
-
-    1. {old operand: its operand in `fixed`},
-    2. for each surface the operand in `fixed` of its function (p for p + q),
-    3. for each surface the operand in `tests` of its branch at a state,
-    4. for each surface of a table at p + q the operand of q in `fixed`.
+    table is p + q, where q is constant along a step. Return {old operand: operand in `fixed`}, and
+    operands for surfaces: their functions (p for p + q) in `fixed`, their branches in `tests`, each
+    q in `fixed`.
     """
     functions, branches, shifts = {}, {}, {}
     choices = {number: surface.number for number, surface in surfaces.items()}

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from ..cached import cached_property
 from .derivative import gradients
 from .function_records import same
-from .programs import Expressions, Program, dot, emitted, needed_for, program_of, renumbered
+from .programs import Expressions, Program, dot, emitted, needed_for, program_of
 from .rounding import sizes_of
 from .tables import is_table
 from .values import operand_of
@@ -216,11 +216,13 @@ def _toward(actions, D, P):
     Its results for each surface are s, ds/dt, and sums of moduli: of the terms of s, of the terms
     of ds/dt, and of the slopes ds/dx_j.
     """
-    values = Expressions(D + P, range(D, D + P))
-    copies = [{i: i for i in range(D + P)} for _ in actions]
+    first = 2 * D
+    values = Expressions(first + P, range(first, first + P))
+    inputs = {i: i for i in range(D)} | {D + p: first + p for p in range(P)}
+    copies = [dict(inputs) for _ in actions]
     surfaces = [emitted(values, a.surface, new)[0] for a, new in zip(actions, copies, strict=True)]
     slopes = gradients(values, [*values.operations], surfaces, D)
-    f, results = {j: values.given() for j in range(D)}, []
+    f, results = {j: D + j for j in range(D)}, []
     moduli = {j: operand_of(abs(values.number(a))) for j, a in f.items()}
     for action, new, s, row in zip(actions, copies, surfaces, slopes, strict=True):
         sizes = sizes_of(values, action.surface.operations, new)
@@ -232,10 +234,7 @@ def _toward(actions, D, P):
             _product(values.emit, steep, moduli),
             _product(values.emit, steep, dict.fromkeys(steep, 1.0)),
         ]
-    places = {D + p: 2 * D + p for p in range(P)} | {i: i for i in range(D)}
-    places |= {a: D + j for j, a in f.items()}
-    program = program_of(values.operations, results)
-    return EventProgram(renumbered(program, places), 2 * D)
+    return EventProgram(program_of(values.operations, results), first)
 
 
 def _of_columns(k, action, D, P, by, q):
@@ -243,29 +242,26 @@ def _of_columns(k, action, D, P, by, q):
 
     The column is with respect to parameter by[q], or to the initial state if q is None.
     """
-    values = Expressions(D + P, range(D, D + P))
-    results = [*range(D)] if action.to is None else emitted(values, action.to)
-    results += [] if action.surface is None else emitted(values, action.surface)
-    rows = gradients(values, [*values.operations], results, D, by)
-    v, before, after = ([values.given() for _ in range(D)] for _ in range(3))
-    tau, scale, emit = values.given(), values.given(), values.emit
-    places = {D + p: 4 * D + 1 + p for p in range(P)} | {i: i for i in range(D)}
-    places |= {a: D + j for j, a in enumerate([*v, *before, *after, tau])}
-    places[scale] = 4 * D + 1 + P + (q or 0)
-    v, before = dict(enumerate(v)), dict(enumerate(before))
-    v |= {} if q is None else {by[q]: scale}
-    results, columns = {}, []
+    tau = 4 * D
+    first, scales = tau + 1, tau + 1 + P
+    values = Expressions(scales + len(by), range(first, scales))
+    inputs = {i: i for i in range(D)} | {D + p: first + p for p in range(P)}
+    results = [*range(D)] if action.to is None else emitted(values, action.to, dict(inputs))
+    results += [] if action.surface is None else emitted(values, action.surface, dict(inputs))
+    rows = gradients(values, [*values.operations], results, D, [inputs[p] for p in by])
+    v, before = ({j: k * D + j for j in range(D)} for k in (1, 2))
+    v |= {} if q is None else {inputs[by[q]]: scales + q}
+    results, columns, emit = {}, [], values.emit
     if action.surface is not None:
         of_v, of_f = (_product(emit, rows[D], each) for each in (v, before))
         results["tau"] = [emit("fdiv", of_v, of_f)]
-    for row, rate in zip(rows[:D], after, strict=True):
-        jump = emit("fsub", rate, _product(emit, row, before))
+    for after, row in enumerate(rows[:D], 3 * D):
+        jump = emit("fsub", after, _product(emit, row, before))
         columns.append(emit("fadd", _product(emit, row, v), emit("fmul", jump, tau)))
-    results["column"], parts = columns, {}
-    for name, operands in results.items():
-        program = renumbered(program_of(values.operations, operands), places)
-        parts[f"{name}{k}" if q is None else f"{name}{k}_{q}"] = EventProgram(program, 4 * D + 1)
-    return parts
+    results["column"] = columns
+    of = k if q is None else f"{k}_{q}"
+    programs = {name: program_of(values.operations, each) for name, each in results.items()}
+    return {f"{name}{of}": EventProgram(program, first) for name, program in programs.items()}
 
 
 def _product(emit, row, vector):

@@ -108,11 +108,6 @@ class Expressions(Values):
             self._known[key] = self._new(instruction, operands)
         return self._known[key]
 
-    def given(self):
-        """Add a value that needs no operation, such as an input; return its number."""
-        self.count += 1
-        return self.count - 1
-
     def take_written(self, others, new):
         """Copy `written` from other `Expressions`; `new` is {number in `others`: operand here}.
 
@@ -269,12 +264,3 @@ def united(programs):
     operations = {each[1]: each for program in programs for each in program.operations}
     results = [a for program in programs for a in program.results]
     return Program([operations[number] for number in sorted(operations)], results)
-
-
-def renumbered(program, given):
-    """Return a `Program` with new numbers; `given` is {old: new number} of its inputs."""
-    new, count, operations = dict(given), 1 + max(given.values()), []
-    for number, (name, old, operands) in enumerate(program.operations, count):
-        operations.append((name, number, (*renamed(operands, new),)))
-        new[old] = number
-    return Program(operations, renamed(program.results, new))

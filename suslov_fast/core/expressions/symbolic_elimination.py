@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .programs import Program, Values, dot, program_of, renumbered
+from .programs import Program, Values, dot, emitted, program_of
 from .values import joined
 
 # The least pivot, as a part of the largest, with which elimination without exchanges is accurate.
@@ -116,9 +116,11 @@ class Factors:
         self.order, self.values = order, matrix.values
         self.diagonal, self.original, self.pivot, self.inverse = {}, {}, {}, {}
         self.lower, self.upper = {}, {}
-        self.before, self.after = before_and_after(order, fill)
-        below = defaultdict(list)
-        for i in order:
+        self.before, self.after, below = {}, {}, defaultdict(list)
+        for n, (i, columns) in enumerate(zip(order, fill[0], strict=True)):
+            places = [*bits_of(columns)]
+            self.before[i] = [order[m] for m in places if m < n]
+            self.after[i] = [order[m] for m in places if m > n]
             for k in self.before[i]:
                 below[k].append(i)
         # {i: {j: [m_ik, N_kj, ...]}}: factors of the products that elimination adds to N_ij
@@ -256,16 +258,6 @@ def filled(pattern, order):
     return rows, columns
 
 
-def before_and_after(order, fill):
-    """Return {row: columns of earlier pivots} and {row: columns of later pivots} of entries."""
-    before, after = {}, {}
-    for k, columns in enumerate(fill[0]):
-        places = [*bits_of(columns)]
-        before[order[k]] = [order[j] for j in places if j < k]
-        after[order[k]] = [order[j] for j in places if j > k]
-    return before, after
-
-
 def work_of(order, fill, varying):
     """Return the number of products in elimination, and of products that depend on the state.
 
@@ -295,8 +287,8 @@ class Elimination:
               are the inverse pivots, and the numbers below and above the diagonal
     solution  `Program` that reads these results and g (D); its results are v (D)
 
-    `order` has the unknowns in the order of pivots, and `fill` is from `filled`. If a pivot is too
-    small, results are not finite, or the error estimate of the step is large: it is rejected.
+    `order` has the unknowns in the order of pivots, and `fill` is from `filled`. A pivot that is
+    too small makes results infinite or the error estimate large, so the step is rejected.
     """
 
     def __init__(self, pattern, order, fill):
@@ -317,8 +309,9 @@ class Elimination:
             v[k] = factors.backward(k, v)
         given = {number: place for place, number in enumerate(numbers)}
         given |= {first + i: len(numbers) + i for i in range(D)}
-        solution = Program(values.operations, [v[i] for i in range(D)])
-        self.solution = renumbered(solution, given)
+        renumbered = Values(len(numbers) + D, ())
+        v = emitted(renumbered, Program(values.operations, [v[i] for i in range(D)]), given)
+        self.solution = Program(renumbered.operations, v)
 
 
 class _Products(Values):

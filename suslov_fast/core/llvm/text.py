@@ -588,11 +588,6 @@ class Code:
     def _typed(self, operands):
         return ", ".join(f"{self.V} {operand}" for operand in operands)
 
-    def _operate_on_bits(self, instruction, *operands):
-        a, b = (self.new(f"bitcast {self.V} {operand} to {self.I}") for operand in operands)
-        bits = self.new(f"{instruction} {self.I} {a}, {b}")
-        return self.new(f"bitcast {self.I} {bits} to {self.V}")
-
     def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
 
@@ -631,7 +626,9 @@ class Code:
             elif instruction in OF_TRUTH_VALUES:
                 name = self.compare(instruction, *names)
             elif instruction in OF_BITS:
-                name = self._operate_on_bits(instruction.removeprefix("bits_"), *names)
+                a, b = (self.new(f"bitcast {self.V} {a} to {self.I}") for a in names)
+                bits = self.new(f"{instruction.removeprefix('bits_')} {self.I} {a}, {b}")
+                name = self.new(f"bitcast {self.I} {bits} to {self.V}")
             elif instruction in OF_LISTS:
                 name = self._call_list(instruction, names)
             elif instruction in OF_LIBRARY:

@@ -15,7 +15,7 @@ from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .event_actions import most_records
 from .event_records import size_of
-from .growing_components import closer_rtol, many_of, some_of
+from .growing_components import many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
@@ -45,7 +45,8 @@ class Settings(NamedTuple):
 
 def closer(settings):
     """Return the `Settings` with which trajectories are computed again after an alarm."""
-    return settings._replace(rtol=max(closer_rtol(settings.rtol), LEAST_RTOL))
+    part = 16.0 if settings.rtol > 1e-8 else 4.0  # errors grow; a loose rtol has few digits to lose
+    return settings._replace(rtol=max(settings.rtol / part, LEAST_RTOL))
 
 
 class SolverRequest(NamedTuple):
@@ -153,8 +154,6 @@ def counted_from_start(f, table, x0):
 
     Return (table, x0, starts); `starts` (B, clocks) are the start values, or None if all are 0.
     """
-    if not f.offsets:
-        return table, x0, None
     starts = x0[:, [*f.offsets]]
     if not np.count_nonzero(starts):
         return table, x0, None
@@ -267,10 +266,9 @@ class BatchSolver:
         if self.begins_lost:
             lost, D = self.lost[block], self.lost.shape[1]
             lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
-            found[:, rows.lost : rows.lost + D] = lost
-            for c in range(self.f.columns):  # columns are RELATIVE where x is RELATIVE
-                first = rows.lost + D * (1 + c)
-                found[:, first : first + D] = np.minimum(lost, 0.0)
+            # Columns are RELATIVE where x is RELATIVE.
+            of_all = np.hstack([lost, *[np.minimum(lost, 0.0)] * self.f.columns])
+            found[:, rows.lost : rows.lost + of_all.shape[1]] = of_all
             found[:, rows.watches] = lost.max(axis=1, initial=0.0)
         if self.event_times is not None:
             first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]

@@ -50,11 +50,6 @@ DEEP = 5e-4  # or 100 rtol: relative error above which a component of one sign h
 UNDERFLOW = 2.0**-990
 
 
-def closer_rtol(rtol):
-    """Return `rtol` of a second try, in which errors grow; loose ones have few digits to lose."""
-    return rtol / (16.0 if rtol > 1e-8 else 4.0)
-
-
 def many_of(rtol):
     """Return how many allowed errors are alarming."""
     return MANY * rtol ** (-1 / 3)
@@ -135,8 +130,7 @@ def FED(new, f_new, fed, signed, lost, changes, left):
     `fed` is the rate of the component with 0 in place of all components without digits. `left`
     becomes the largest `lost` that remains.
     """
-    own = f_new - fed
-    stays = (new < 0.0).select(-own, own) * signed > NEXT * abs(new)
+    stays = _rate(new, f_new - fed, signed) > NEXT * abs(new)
     stays = stays & (abs(f_new) < abs(fed))  # at an unstable equilibrium
     is_fed = (abs(fed) > 0.5 * abs(f_new)) & (abs(fed) < inf) & (lost > 0.0) & ~stays
     lost = is_fed.select(0.0, lost)

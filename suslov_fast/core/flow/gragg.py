@@ -122,22 +122,11 @@ class ExplicitColumns(FunctionCode):
         if self.integrator.sets:
             with text.when(Index(text, "%count").equals(len(EXPLICIT))):
                 for _, _, lanes, table in self.parts(inner):
-                    of_work = inner.arrays(lanes, work)
-                    call = self.caller(table, of_work.f_last)
-                    of_end = self.rates_at_end(of_work.a, of_work.b, table, self.of_b(), call)
-                    for i, value in of_end.items():
-                        of_work.f_last[i] = value
+                    own = inner.arrays(lanes, work)
+                    self.put_rates_at_end(own.a, own.b, table, self.of_b(), own.f_last)
 
-    def caller(self, table, f):
-        """Return a function of (name, x) that calls `name` to write rates at x to the rows `f`."""
-        return lambda name, of: self.call(name, of, table, f)
-
-    def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return {i: rate} at the end of the last column, if sub-steps do not evaluate them.
-
-        Gragg's rule has none; Störmer's rule overrides this. Arguments are as in `StormerColumns`.
-        """
-        return {}
+    def put_rates_at_end(self, a, b, table, of_b, f):
+        """Write rates at the end to f that sub-steps do not evaluate: Gragg's rule has none."""
 
     def loops(self):
         """Return two loops, over the components in the row `a` and over the components in `b`."""
@@ -163,11 +152,10 @@ class ExplicitColumns(FunctionCode):
         a, b, f = work.a, work.b, work.f_last
         if self.is_inlined:
             return self.pair_of_rows(a, b, table, double, factor)
-        call = self.caller(table, f)
         for name, of, to, length, own in zip(
             self.names, (b, a), (a, b), (double, factor), (self.of_a, self.of_b), strict=True
         ):
-            call(name, of)
+            self.call(name, of, table, f)
             for i in own():
                 product = length * f[i]
                 to[i] = to[i] + product
@@ -257,7 +245,7 @@ class ExplicitColumns(FunctionCode):
                     first = EXPLICIT.index(N) * D
                     ends, apart = work.ends.after(first), work.apart.after(first)
                     self.end(a, b, x, ends, apart, *self.rows)
-            f_last |= self.rates_at_end(a, b, table, self.rows[1])
+            self.put_rates_at_end(a, b, table, self.rows[1], f_last)
             for i in range(D):
                 work.a[i] = a[i]
                 work.f_last[i] = f_last[i]

@@ -87,8 +87,11 @@ class ImplicitColumns(FunctionCode):
         self.call("solve", work.factors, "%table", right)
         text.copy(right, ends, D)
         for m in text.each(N - 1):
-            if self.integrator.read:
-                self.add_to_quarter(c, m, ends)
+            if self.integrator.read:  # states at quarters are weighted sums over columns
+                number = self.numbers[self.firsts[c] + m]
+                with text.when(number < 3, likely=False):
+                    sums, of_column = self.sums.from_here(number * D), self.of_quarters[c]
+                    text.fill(sums, D, _plus_part, sums, of_column, ends)
             text.fill(a, D, add, x, ends)
             self.call("f", a, "%table", b)
             text.fill(right, D, mul, s, b)
@@ -111,16 +114,6 @@ class ImplicitColumns(FunctionCode):
         self.of_quarters = self.text.constants([own.get(N, 0.0) for N in IMPLICIT])
         self.sums = self.work.nodes.after(3 * self.D)
         self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
-
-    def add_to_quarter(self, c, m, ends):
-        """Add column c to a state at a quarter of the step, if m + 1 of its sub-steps end there.
-
-        `ends` is the column's state minus x. States at quarters are weighted sums over columns.
-        """
-        number = self.numbers[self.firsts[c] + m]
-        with self.text.when(number < 3, likely=False):
-            sums, weight = self.sums.from_here(number * self.D), self.of_quarters[c]
-            self.text.fill(sums, self.D, _plus_part, sums, weight, ends)
 
 
 def _plus_part(a, part, b):

@@ -38,15 +38,12 @@ class StormerColumns(ExplicitColumns):
         for i in of_b:
             ends[i] = b[i] - x[i]
 
-    def rates_at_end(self, a, b, table, of_b, call=None):
-        """Return {i: rate} of the set A at the end of the last column; {} if `call` writes them.
-
-        There b has the components `of_b` of the end; they are copied to a, which has the others. If
-        f is not inlined, call(name, x) writes rates at x to rows.
-        """
+    def put_rates_at_end(self, a, b, table, of_b, f):
+        """Write the rates of the set A at the end of the last column to f; copy B (`of_b`) to a."""
         for i in of_b:
             a[i] = b[i]
-        if self.is_inlined:
-            return self.value(OF_SETS[0], b, table)
-        call(OF_SETS[0], b)
-        return {}
+        if not self.is_inlined:
+            self.call(OF_SETS[0], b, table, f)
+            return
+        for i, value in self.value(OF_SETS[0], b, table).items():
+            f[i] = value

@@ -102,9 +102,8 @@ def find_errors(code, sizes):
     row `inverse` gets 1 / allowed errors. `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
-    names = ["ratio", "total", "apart", "alerts"] + (
-        [] if integrator.is_implicit else ["rates", "states"]
-    )
+    names = ["ratio", "total", "apart", "alerts"]
+    names += [] if integrator.is_implicit else ["rates", "states"]
     names += [] if integrator.has_atol else ["large"]
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     allowed = ALLOWED_WITH_ATOL if integrator.has_atol else ALLOWED
@@ -119,7 +118,7 @@ def find_errors(code, sizes):
                 inputs |= {"noise": _noise(code, i), "extra": code.component("extra", i)}
             if integrator.is_relative:
                 is_own = code.line.lost[i] < 0.0
-                for name in inputs.keys() & _OF_OTHERS:
+                for name in filter(_OF_OTHERS.__contains__, inputs):
                     inputs[name] = is_own.select(TINY, inputs[name])
                 inputs["floor"] = is_own.select(code.number("rtol"), inputs["floor"])
             inverse = code.apply(allowed, i, **inputs)["inverse"]

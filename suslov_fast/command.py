@@ -208,14 +208,14 @@ def _system(options: argparse.Namespace) -> tuple[Any, Any]:
 
 
 # ---------------------------------------------------------------------------------- options
-def _fraction(text: str, such: str = "0.1, 1/3 or 1e6") -> Fraction:
+def _fraction(text: str) -> Fraction:
     """Return the number in a text such as 0.1, 1/3 or 1e6, exactly."""
     from .fields.exact_numbers import from_text
 
     try:
         return from_text(text.strip())
     except ValueError:
-        how = f"is not a number, such as {such}"
+        how = "is not a number, such as 0.1, 1/3 or 1e6"
         raise argparse.ArgumentTypeError(f"{text.strip()!r} {how}") from None
 
 
@@ -233,7 +233,7 @@ def _numbers(text: str) -> list[float]:
 
 def _count(text: str) -> int:
     """Return a positive integer below 2**62 in a text such as 1000 or 1e3."""
-    value = _fraction(text, "1000 or 1e3")
+    value = _fraction(text)
     if value.denominator != 1 or not 0 < value <= 2**62:
         raise argparse.ArgumentTypeError(f"{text.strip()!r} is not an integer from 1 to 2**62")
     return int(value)

@@ -35,8 +35,8 @@ class ClosedForm(NamedTuple):
 
     def __repr__(self) -> str:
         """Return the constants as text; of one orbit as numbers, not as np.float64(...)."""
-        parts = [value if np.ndim(value) else float(value) for value in self]
-        return f"ClosedForm(h={parts[0]}, k1={parts[1]}, k2={parts[2]}, t={parts[3]})"
+        parts = (f"{name}={a if np.ndim(a) else float(a)}" for name, a in self._asdict().items())
+        return f"ClosedForm({', '.join(parts)})"
 
 
 @public_class
@@ -408,19 +408,13 @@ class Suslov3D(Suslov):
         return scattering_angle(*np.broadcast_arrays(*self._constants[:4]))
 
 
-class Figure(NamedTuple):
-    """A body, a step size, and the extent of the axes, which the paper does not state."""
-
-    body: Suslov3D
-    eps: float
-    extent: float
-
-
-FIGURES = {  # the four examples at the end of Section 4
-    1: Figure(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
-    2: Figure(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
-    3: Figure(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
-    4: Figure(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
+# The four examples at the end of Section 4: bodies and step sizes, and the extents of the axes,
+# which the paper does not state.
+FIGURES = {
+    1: (Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
+    2: (Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
+    3: (Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
+    4: (Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
 }
 
 

@@ -426,12 +426,10 @@ class Symbols(np.ndarray[Any, Any]):
             raise Untraceable(f"components have numbers in f: write x[0] in place of x[{index!r}]")
         return super().__getitem__(index)
 
-    if not TYPE_CHECKING:
-
-        def __bool__(self) -> bool:
-            if self.size == 1:
-                return bool(self.item())
-            raise _asked("an array of conditions")
+    def __bool__(self) -> bool:
+        if self.size == 1:
+            return bool(self.item())
+        raise _asked("an array of conditions")
 
 
 def _asked(what: str) -> Exception:

@@ -7,6 +7,7 @@ from fractions import Fraction
 import naive
 import numpy as np
 import pytest
+from sympy.utilities.iterables import partitions
 
 import suslov_fast as sf
 from suslov_fast.integrability import report
@@ -14,14 +15,12 @@ from suslov_fast.integrability import report
 EPS = 0.375
 
 
-def multiplicities(m, most):
-    """All ways to write m as a sum of numbers that do not increase."""
-    if m == 0:
-        return [()]
-    return [(k, *rest) for k in range(min(m, most), 0, -1) for rest in multiplicities(m - k, k)]
-
-
-MULTIPLICITIES = [each for m in (3, 4, 5, 6) for each in multiplicities(m, m)]  # n = 4 to 7
+# All ways to write 3 to 6 (n = 4 to 7) as sums of numbers that do not increase.
+MULTIPLICITIES = [
+    tuple(k for k, count in each.items() for _ in range(count))
+    for m in (3, 4, 5, 6)
+    for each in partitions(m)
+]
 POSITIONS = "anywhere", "along an axis", "in an eigenspace", "across one", "zero"
 
 

@@ -203,7 +203,6 @@ def test_rest_states_of_forced_systems(name, way):
 
 
 def test_time_scales_with_its_unit():
-    """In another unit of time and of the state the orbit is the same."""
     unit = 2.0**-14
     fast = Field(lambda x: (x[0] * (1 - 8 * x[1]) / unit, x[1] * (8 * x[0] - 1) / unit), 2)
     for about in (None, 6.5):
@@ -215,7 +214,6 @@ def test_time_scales_with_its_unit():
 
 @pytest.mark.parametrize("turns", [2, 3, 4])
 def test_one_turn_of_an_orbit(turns):
-    """The period of van der Pol's cycle is known to many digits."""
     with pytest.warns(UserWarning, match=f"{turns} times around") as told:
         orbit = periodic_orbit(Field(van_der_pol, 2), [2.0, 0.0], period=6.65 * turns)
     assert len(told) == 1

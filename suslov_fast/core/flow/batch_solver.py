@@ -119,9 +119,9 @@ def code_of(integrator, W, for_each):
 
 
 class EventTimes:
-    """The given times of events, ascending: `times`, moduli, and `which` events these are.
+    """The given times of events, in one row for all trajectories or one row for each.
 
-    Both arrays have n columns, and one row for all trajectories or B rows. Times pad with infinity.
+    `times` are moduli in ascending order, infinity for none; `which` are the numbers of the events.
     """
 
     def __init__(self, times, which):

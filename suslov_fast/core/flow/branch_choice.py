@@ -38,9 +38,9 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane after a change of branches at t.
 
-    A lane becomes SLIDING after BACK_AND_FORTH changes in a row, each at once after the last one:
-    within AT_ONCE of the time t or of the next length. Where an event `acted`, the count begins
-    again.
+    Changes at once are counted; at BACK_AND_FORTH the lane becomes SLIDING. A change is at once if
+    the time since the change before is rounding, beside t or the next length. An event that `acted`
+    sets the count to 0.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
@@ -56,10 +56,9 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
-    """Return the rows of a trajectory that continues at the time t + ahead, beyond a surface.
+    """Return rows of a trajectory that continues at the time t + `ahead`, or sooner at `stop`.
 
-    The time does not pass `stop`, the next given time of an event; `signed` is its difference to t.
-    As in `CHOSEN`, too many changes of branches in a row are SLIDING.
+    Too many such changes of branches in a row are SLIDING, as in `CHOSEN`.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
@@ -260,10 +259,10 @@ def _go_on(code, ended):
 
 
 def _put_choices(code, truth, kinds, rows, place):
-    """Write the branches in `rows`, of surfaces of these `kinds`, to f's table from `place` on.
+    """Write to f's table, from `place` on, the branches of surfaces of these `kinds`.
 
-    A comparison or "floor" has its branch in a row. A `Table` has its argument there, and four
-    numbers in f's table: the interval that contains the argument.
+    `rows` has the branch of a comparison or "floor". Of a `Table` it has the argument, and f's
+    table gets the interval that contains the argument.
     """
     text, f, branches = code.text, code.f.of, code.f.of.branches
     first = len(branches.kinds) - len(kinds)
@@ -285,8 +284,8 @@ def _put_choices(code, truth, kinds, rows, place):
 def _put_interval(code, table, bits, argument, place, shift):
     """Write to f's table, from `place` on, the interval of a `Table` that holds a lane's argument.
 
-    The argument is a row plus a `shift` (its place in f's table, or None); the interval is moved
-    back by this shift. Lanes with bit 1 in `bits` choose.
+    The argument is the row `argument`, plus the number of f's table at the place `shift` if that is
+    not None. This number is subtracted from both ends of the interval. `bits` marks the lanes.
     """
     text, one = code.text, code.text.lanes(1)
     intervals = Intervals(text, table)

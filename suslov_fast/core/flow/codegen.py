@@ -11,11 +11,11 @@ from .memory import LaneState
 
 
 class FunctionCode:
-    """A function of an `Integrator` in the text `text`: the base of classes that add functions.
+    """The base of classes that add functions of an `Integrator` to a text.
 
-    Names of functions begin with `name`. Each lane has its own table of f if `for_each` is True.
-    The attribute `work` has an array for each part of the workspace, which is at the address
-    `work`.
+    Names of functions begin with `name`. `work` is the address of the workspace; the attribute
+    `work` has an array for each of its parts. If `for_each` is True, each lane has its own table of
+    f.
     """
 
     def __init__(self, text, integrator, name, for_each, work="%work"):
@@ -94,7 +94,8 @@ class StepCode(FunctionCode):
     def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
         """Apply a kernel to components 0, 1, ... in turn; return its last results as a `Carried`.
 
-        The kernel reads inputs(i) and its results at the component before, at first `start`.
+        The kernel reads inputs(i), and its results at the component before; at first these are
+        `start`.
         """
         found = Carried(**start)
         for i in self.text.each(self.D if count is None else count, found):

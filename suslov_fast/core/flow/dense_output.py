@@ -92,7 +92,7 @@ def save_at_end(code):
 def _passed(code, how):
     """Return which accepted steps end past the next requested time; `how` compares: >, >= or =.
 
-    At a surface a time NEARLY at the end is not passed: actions of events there come before its
+    If a step ends on a surface, a time NEARLY at the end is not passed: actions come before its
     state.
     """
     end = code.line.t[0]

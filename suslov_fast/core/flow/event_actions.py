@@ -68,11 +68,11 @@ def TOUCHING_SIDE(
     side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, fired,
     sign,
 ):  # fmt: skip
-    """Return `side` and `level` of a state at a surface s = 0, also if its rate does not decide.
+    """Return `side` and `level` of a state at a surface s = 0; in two cases a state does not stay.
 
-    If s is 0 all around the state, the state is above. Only s with branches can be: min(x, 0) is,
-    but cos(x) - 1 just touches 0. If an event has acted (`fired`), and the rate a moment later
-    leads back, the state is on the side that it came from.
+    If s is 0 all around a state that STAYS, the state is above. Only s with branches can be, such
+    as min(x, 0); cos(x) - 1 just touches 0. If an event has acted (`fired`), and the rate a moment
+    later leads back, the state is on the side from which it came.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
@@ -130,11 +130,12 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
     pause, more, limit, sign,
 ):  # fmt: skip
-    """Return `more` > 0 if an action at s = 0 will be repeated at once, and the `limit` of times.
+    """Return `more` > 0 if actions at s = 0 follow one another at once, and the `limit` of times.
 
     With r = ds/dt and a = dr/dt after the action, s is 0 again after a time 2 |r / a|, and |s|
-    rises to r**2 / (2 |a|). If the action reduces r by the factor q, the state is at rest after
-    2 |r / a| / (1 - q). If a does not lead back, Aitken's limit of the times of actions is used.
+    rises to r**2 / (2 |a|). If each action reduces r by the factor q, the state is at rest after a
+    time 2 |r / a| / (1 - q). If a does not lead back, Aitken's limit of the times of actions is
+    used.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
@@ -160,7 +161,7 @@ def AGAIN(
 
 @scalar_kernel
 def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest):
-    """Return the length of the step after actions: `wanted`, or a first length if that is longer.
+    """Return the next length: `wanted`, or a first length (`first_length`) if that is longer.
 
     If actions have made f more than FASTER times as large, the length is at most a first length.
     """
@@ -307,7 +308,7 @@ def _most(events):
 def most_records(events, equal):
     """Return how many records a trajectory may add at one instant; `equal` given times coincide.
 
-    Events on surfaces act in rounds until none acts; each recorder may add one in each round.
+    Events on surfaces act in rounds until none acts. Events that only record may record in each.
     """
     recorders = sum(map(events.only_records, range(events.surfaces)))
     if recorders == events.surfaces:
@@ -319,7 +320,8 @@ def most_records(events, equal):
 def _act_at_surfaces(code, is_there, by_motion, again):
     """Let events act on the surfaces that a state has crossed, until no event acts.
 
-    In lanes `by_motion` the step, not an action, led there. `again` receives results of `AGAIN`.
+    In lanes `by_motion` the step led to the surfaces, elsewhere an action did. `again` receives
+    results of `AGAIN`.
     """
     text, work, events = code.text, code.work, code.integrator.events
     _look_at_end(code)
@@ -415,7 +417,7 @@ def _record_crossing(code, k, counts, by_motion):
 def _act(code, k, truth, by_motion=None):
     """Let event k act in lanes `truth`: change the state, count the action and record it.
 
-    `by_motion` is None for events at given times, and as in `_act_at_surfaces` on surfaces.
+    In lanes `by_motion` the step led to the surface. `by_motion` is None for events at given times.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     components, D = integrator.events.components[k], integrator.f.of.D

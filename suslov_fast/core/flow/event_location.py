@@ -86,10 +86,10 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Return the first crossing in a step so far: `crossed`, its place, and its interval's end.
+    """Update the first crossing in a step (`crossed`, its `place`, its interval's `end`).
 
-    The interval of the length `width` that ends at u is next. No crossing is sought in the part of
-    the step up to the length `inner`, in which none lies.
+    The next interval has the length `width`, and ends at the fraction u of the step. Up to the
+    length `inner` no crossing is sought, because a step of this length has none.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
@@ -106,7 +106,7 @@ def CROSSES(
 ):  # fmt: skip
     """Return whether a step crosses a surface, ends just beyond it, or may hide two crossings.
 
-    In a search the end of a step decides, or two crossings that its points show (`twice`).
+    In a search only a crossing between both ends matters, or two that points show (`twice`).
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
@@ -219,7 +219,8 @@ def TIME_AND_STATE(
 ):  # fmt: skip
     """Return the time, number of steps and state of a lane after a step, and if f `jumped`.
 
-    A repeated step leaves the lane as it was before. A lane runs on where f jumps or ends.
+    A repeated step leaves the lane as it was. If the step has ended a lane, it runs on where f
+    jumps or ends.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
@@ -274,7 +275,8 @@ def cut(code, before, total):
 def _look_at_points(code, length, from_start):
     """Return the first crossing between POINTS of a step of this length: results of `LOOK`.
 
-    Where a search may begin (`from_start`), the state beyond the crossing goes to the row `beyond`.
+    In lanes `from_start`, which know no step without a crossing, the state beyond the crossing goes
+    to the row `beyond`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     count, pair, point, points = integrator.surfaces, work.between, work.point, work.points

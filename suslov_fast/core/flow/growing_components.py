@@ -58,8 +58,8 @@ def many_of(rtol):
 def some_of(rtol, keeps):
     """Return the least relative error in an explicit step with which a component loses digits.
 
-    It is rtol at rtol = 1e-6 and 100 rtol at 1e-9 if the component keeps its sign (`keeps` is 1),
-    and 1 / OF_IMPLICIT times as large if not. Implicit steps use OF_IMPLICIT times the result.
+    If the component keeps its sign (`keeps` is 1), this is rtol at rtol = 1e-6 and 100 rtol at
+    1e-9; else 1 / OF_IMPLICIT times as much. Implicit steps use OF_IMPLICIT times the result.
     """
     return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
 
@@ -99,10 +99,10 @@ def LOST(
     x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, implicit,
     lost, watches, near,
 ):  # fmt: skip
-    """Return the new `lost` of a component, `near` = 1 if it may raise an alarm, and max `lost`.
+    """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
     `lost` increases by relative errors, and by what explicit steps miss of a fast growth. If the
-    component keeps its sign, `lost` above DEEP and 100 rtol becomes 1: no digit is right.
+    component keeps its sign, a value above both DEEP and 100 rtol becomes 1: no digit is right.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
     is_small = both * inverse * rtol < SMALL
@@ -161,8 +161,8 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
 def GROWS(value, f, fed, signed, least, part, grow, fall):
     """Return `value` if a component of a group grows, else `part` of it; count both cases.
 
-    A component grows if the group makes its rate larger than `least` * value in a step: f is the
-    rate with the group at these values, and `fed` the rate with 0 in place of the group.
+    The component grows if the group adds more than `least` * value to it in the step. f is its rate
+    with the group at these values, and `fed` with 0 in place of the group.
     """
     is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {

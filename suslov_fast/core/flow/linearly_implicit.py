@@ -57,7 +57,7 @@ def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
 class ImplicitColumns(FunctionCode):
     """Writer of the function void columns(x, f, table, work, count) by the linearly implicit rule.
 
-    The function is called as the function of `ExplicitColumns`. The row `jacobian` has f'(x).
+    Its arguments and results are as in `ExplicitColumns`. The row `jacobian` has f'(x).
     """
 
     def add(self):

@@ -17,10 +17,10 @@ TABLE = "table"
 
 @functools.lru_cache(256)
 def code_of_program(f, name):
-    """Return the code of a program of f ("f", "derivative", or TABLE) and its temporary numbers.
+    """Return the code of a program of f, and how many temporary numbers the code needs.
 
-    The code reads the state (D,) and the table (n,), or for TABLE the parameters (P,). It writes
-    the results behind them, and so many temporary numbers behind the results.
+    `name` is "f", "derivative", or TABLE for f's table. The code reads the state (D,) and the table
+    (n,), or for TABLE the parameters (P,). The results, and temporary numbers, follow in memory.
     """
     if name == TABLE:
         function, skipped, given = ProgramFunction(Program(f.fixed, f.table), f.D + f.P), f.D, f.P

@@ -56,9 +56,9 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Update changes of f from `most`, the largest change of f beside one more point of the step.
+    """Update changes of f beside points of a step from `most`, the largest beside one more point.
 
-    `least` is the smaller change of both ends; `largest`, `second` are the largest of all points.
+    `least` is the smaller one of both ends; `largest` and `second` are the largest two of all.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
@@ -72,14 +72,14 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """Return `ratio` and `of_apart`, errors relative to a new allowed error, and its `inverse`.
+    """Return errors of a component relative to a new allowed error, and the `inverse` of this.
 
-    The new allowed error is at least what rounding of the state changes in the step: by `least`,
-    the smaller change of f at both ends, because f may be steep at one of them. In a step not much
-    longer than the rounding of time it is `largest`, because sub-steps contain little except
-    rounding. Below NOISY times the largest component `top`, the error may also be OF_NOISE times
-    `second`. `of_length` is the ratio without errors that only rounding allows, because these do
-    not shrink with the step.
+    The new allowed error is at least the change that rounding of the state makes in the step.
+    `least`, the smaller change of f at both ends, gives this change, because f may be steep at one
+    end. If the step is hardly longer than the rounding of time, `largest` gives it, because
+    sub-steps contain little except rounding. An error below NOISY times `top`, the largest
+    component, may also be OF_NOISE times `second`. `of_length`, the ratio for the next length,
+    omits errors that only rounding allows: these do not shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))
@@ -96,9 +96,9 @@ def SECOND(
 
 
 def try_again(code, sums):
-    """Test steps with an error that may be rounding again, with larger allowed errors.
+    """Test again, with larger allowed errors, steps with errors that may be rounding.
 
-    Return the results that such a trial replaces in `sums`, the results of `find_errors`.
+    Return by name what replaces results of `find_errors` (`sums`).
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     again = text.value(AFTER_TRIAL) >= line.longer[0]

@@ -219,7 +219,7 @@ def TURN_EXPLICIT(
 ):  # fmt: skip
     """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
-    Steps in a row that do not look stiff (`easy`) end the count. The lane may also end.
+    FORGET other steps in a row, which `easy` counts, end the count. The lane may also end.
     """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0

@@ -36,9 +36,9 @@ def floors_of(rtol, keeps):
 
     A component that keeps its sign (`keeps` is 1), such as a population, has a smaller floor.
     Larger floors make relaxation oscillations jump at wrong times, because these times depend on
-    components at 1e-4 to 1e-2 of their largest values. Smaller floors cost steps: of a pendulum, at
-    an equal error of 1e-3. Of 2,337 populations and oscillations at rtol = 1e-4, 21 are wrong
-    unnoticed; 27 with rtol in place of 3e-5, and 20 with 1e-6.
+    components at 1e-4 to 1e-2 of their largest values. With smaller floors a pendulum takes more
+    steps at an equal error of 1e-3. Of 2,337 populations and oscillations at rtol = 1e-4, 21 are
+    wrong unnoticed; 27 with rtol in place of 3e-5, and 20 with 1e-6.
     """
     return min(rtol, 1e-6 if keeps else 3e-5), min(rtol, 1e-4 * sqrt(rtol))
 
@@ -86,10 +86,10 @@ def LARGE(error, inverse, noisy, large):
 
 @scalar_kernel
 def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
-    """Update sums, of which rates / states estimates (h |mu|)**2; mu is an eigenvalue of f'.
+    """Update `rates` and `states`; their ratio estimates (h |mu|)**2, with an eigenvalue mu of f'.
 
-    The difference of f between the next state and `last`, the end of the last column, is compared
-    with the difference of these states, both relative to allowed errors.
+    These sums compare the next state with `last`, the end of the last column: the difference of f
+    with that of the states, both relative to allowed errors.
     """
     of_f, of_states = taken * (f_new - f_last) * inverse, (new - last) * inverse
     return {"rates": rates + of_f * of_f, "states": states + of_states * of_states}

@@ -25,7 +25,7 @@ LONGEST = 20_000
 class ProgramFunction:
     """An expression program as straight-line code; its first `inputs` numbers are input rows.
 
-    Other inputs are in the table of f, at `places` by their numbers. A result None is not written.
+    `places` is {number: place in the table} of the others. A result None leaves its row as it is.
     """
 
     scratch = 0

@@ -47,11 +47,7 @@ class Surface(NamedTuple):
         return Table.ROWS if is_table(self.kind) else 1
 
     def interval(self, number, places):
-        """Return the ends (low, high) of the interval of a "floor" or table, else None.
-
-        The branch stays the same between these `Number`s. `places` is {number of a parameter: its
-        operand}; `number` makes a `Number` of an operand.
-        """
+        """Return `Number`s (low, high), the interval of a "floor" or table; else None."""
         if self.kind != "floor" and not is_table(self.kind):
             return None
         low = number(places[self.number])

@@ -83,22 +83,20 @@ class ExtendedState(Expressions):
 
 
 def _solved(matrix, right):
-    """Return the solution {a: `Number`} of linear equations, by elimination without exchanges.
-
-    `matrix` is {(a, b): entry}, without entries that are 0; `right` is {a: right side}.
-    """
-    matrix, right, places, solution = dict(matrix), dict(right), [*right], {}
-    for n, a in enumerate(places):
-        for b in places[n + 1 :]:
-            if (b, a) in matrix:
-                factor = matrix[b, a] / matrix[a, a]
-                right[b] = right[b] - factor * right[a]
-                for c in places[n + 1 :]:
-                    if (a, c) in matrix:
-                        matrix[b, c] = matrix.get((b, c), 0.0) - factor * matrix[a, c]
-    for n, a in reversed([*enumerate(places)]):
-        for b in places[n + 1 :]:
-            if (a, b) in matrix:
-                right[a] = right[a] - matrix[a, b] * solution[b]
-        solution[a] = right[a] / matrix[a, a]
-    return solution
+    """Return {a: `Number`}, the solution of equations {(a, b): entry} and {a: right side}."""
+    if not right:
+        return {}
+    (a, of_a), *others = right.items()
+    matrix, right = dict(matrix), dict(others)
+    for b in right:  # elimination without exchanges; entries that are 0 are missing
+        if (b, a) in matrix:
+            factor = matrix[b, a] / matrix[a, a]
+            right[b] = right[b] - factor * of_a
+            for c in right:
+                if (a, c) in matrix:
+                    matrix[b, c] = matrix.get((b, c), 0.0) - factor * matrix[a, c]
+    solution = _solved(matrix, right)
+    for b in right:
+        if (a, b) in matrix:
+            of_a = of_a - matrix[a, b] * solution[b]
+    return solution | {a: of_a / matrix[a, a]}

@@ -82,10 +82,7 @@ class Contacts:
         self.stopped = values.with_forces(range(values.D), self.constraints, changes)[0]
 
     def with_pull(self, f):
-        """Return the rates f (D) with a small pull back to the surface wherever a body rests.
-
-        Without the pull, rounding errors of d2s/dt2 would let s grow with the square of the time.
-        """
+        """Return rates f (D) with a pull back to s = 0 at rest, because errors of s would grow."""
         part, changes = self.values.number(self.values.modes[-2]), {}
         k = PULL * self.sign * (1.0 - part) / part
         for c in self.contacts.values():

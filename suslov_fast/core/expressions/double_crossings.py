@@ -83,16 +83,13 @@ class DoubleCrossings(NamedTuple):
 
 
 def double_crossings_of(f, surfaces):
-    """Return the `DoubleCrossings` of f, for its `surfaces` and the surfaces of events.
-
-    Surfaces linear in clocks are left out, because a step crosses them once at most.
-    """
+    """Return the `DoubleCrossings` of f, for its `surfaces` and the surfaces of events."""
     degrees = _degrees(f)
     by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
     tested = [
         (k, a, surface)
         for k, (a, surface) in enumerate(zip(f.watched.results, surfaces, strict=True))
-        # An equality needs no test, because it is true on its surface alone.
+        # A step crosses surfaces linear in clocks once at most. Equalities are true there alone.
         if not (isinstance(a, float) or a in degrees or surface.kind == "oeq")
     ]
     if not tested:
@@ -110,10 +107,7 @@ def double_crossings_of(f, surfaces):
 
 
 def _humps(f, operations):
-    """Return the numbers of values that may have narrow humps between points of a step.
-
-    Piecewise polynomials of states, sin, cos and tan have none.
-    """
+    """Return values that may have narrow humps; piecewise polynomials and waves have none."""
     humps, varying = set(), depending(operations, range(f.D))
     for name, number, operands in operations:
         of = [a for a in operands if not isinstance(a, float)]

@@ -238,10 +238,7 @@ def log1p(x):
 
 
 def logaddexp(x, y):
-    """Return log(exp(x) + exp(y)) = max(x, y) + log1p(exp(-abs(x - y))).
-
-    The error is at most 4 ulp of max(x, y), or of the result if that is larger.
-    """
+    """Return log(exp(x) + exp(y)); its error is up to 4 ulp of max(x, y), or of a larger result."""
     a, b = x.then("max", y), x.then("min", y)
     below = a.equals(b).select(0.0, b - a)  # not the difference of infinities
     result = a + log1p(exp(below))

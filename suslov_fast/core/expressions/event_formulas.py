@@ -121,11 +121,7 @@ def read_by(program, results):
 
 
 class EventProgram(NamedTuple):
-    """A `Program` of events. Its inputs are `rows` numbers, then parameters, then scales.
-
-    The first numbers are the state, f at this state, and so on. Scales belong to columns of
-    derivatives with respect to parameters (`Variational`).
-    """
+    """A `Program` that reads `rows` numbers, such as x and f, then parameters, then scales."""
 
     program: Program
     rows: int
@@ -183,10 +179,7 @@ def components_of(action):
 
 
 def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of `EventAction`s, for D components and P parameters.
-
-    Parts for columns exist if `with_columns`; `by` has the parameters to differentiate by.
-    """
+    """Return the `EventSet` of `actions`; if `with_columns`, also the parts `tau` and `column`."""
     parts, components = {}, tuple(map(components_of, actions))
     for k, (action, of) in enumerate(zip(actions, components, strict=True)):
         if of:

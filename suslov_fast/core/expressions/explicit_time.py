@@ -66,10 +66,7 @@ class ElapsedTime:
         return EventAction(*new, *action[2:])
 
     def _shift(self, operations, clocks):
-        """Rewrite all that `operations` compute, with `clocks` that count from 0.
-
-        Starts of clocks become parameters, behind the others.
-        """
+        """Rewrite `operations` for `clocks` that count from 0; their starts become parameters."""
         D = len(self.results)
         first, old = D + self.P, self.values
         self.P += len(clocks)

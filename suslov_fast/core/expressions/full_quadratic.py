@@ -40,10 +40,7 @@ class DenseRightHandSide(RightHandSide):
         return linear + (totals + totals)
 
     def _parts(self, x, table):
-        """Return arrays of x_i, c_i, l_ij and sum_k q_ijk x_k, at states x (D, ...).
-
-        Machine code adds terms in the same order.
-        """
+        """Return arrays x_i, c_i, l_ij and sum_k q_ijk x_k, added as machine code adds them."""
         D, axes = self.D, max(np.ndim(x), np.ndim(table)) - 1
         x, coefficients = (
             np.reshape(a, (D, rows, *[1] * (axes + 1 - np.ndim(a)), *np.shape(a)[1:]))

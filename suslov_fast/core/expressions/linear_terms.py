@@ -34,8 +34,7 @@ def coefficients(f, table):
         if name == "fadd":
             terms[number] = _sum(parts)
         elif name == "fsub":
-            minus = np.array([[-1.0], [1.0]])
-            terms[number] = _sum([parts[0], {key: c * minus for key, c in parts[1].items()}])
+            terms[number] = _sum([parts[0], _product(parts[1], {(): np.array([[-1.0], [1.0]])})])
         elif name == "fmul" and _are_short(*parts):
             terms[number] = _product(*parts)
         elif name == "fdiv" and parts[1].keys() == {()}:

@@ -58,10 +58,7 @@ def part_of(program, numbers):
 
 
 def _colours(reads):
-    """Return {component: colour, a bool}, with two colours; None if such colours do not exist.
-
-    `reads` is {component: components that its rate depends on}; these have the other colour.
-    """
+    """Return {component: bool}, two sets such that rates read the other set alone; else None."""
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:
@@ -111,10 +108,7 @@ def _kinds(f):
 
 
 def _kind_of(name, of):
-    """Return the `_Kind` of the value of instruction `name` on operands of the kinds `of`.
-
-    It is None if the value may change between points of a step without a trace at the points.
-    """
+    """Return the `_Kind` of `name` on operands of the kinds `of`; None if it may change unseen."""
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     if degree == 0 or name in ("select", "fabs", ENTRY):

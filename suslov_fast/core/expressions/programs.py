@@ -109,10 +109,7 @@ class Expressions(Values):
         return self._known[key]
 
     def take_written(self, others, new):
-        """Copy `written` from other `Expressions`; `new` is {number in `others`: operand here}.
-
-        Functions with an operand that is not in `new` are left out.
-        """
+        """Copy `written` functions from `others`; `new` is {number there: operand here}."""
         for number, (name, operands, *tables) in others.written.items():
             of = [a if isinstance(a, float) else new.get(a) for a in operands]
             place = new.get(number)

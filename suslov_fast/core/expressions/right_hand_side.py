@@ -233,10 +233,7 @@ def _taken(values, f):
 
 
 def _common_factors(instruction, operands, factors, D):
-    """Return, as bits, each component i for which `instruction` on `operands` is 0 where x_i = 0.
-
-    `factors` is {number of a value: such bits of it}; components are 0 to D - 1.
-    """
+    """Return, as bits, the components i for which the result of `instruction` is 0 if x_i is 0."""
     everything = (1 << D) - 1
     of = [
         (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)
@@ -244,10 +241,8 @@ def _common_factors(instruction, operands, factors, D):
     ]
     if instruction == "fmul":
         return of[0] | of[1]
-    if instruction in ("fadd", "fsub", "max", "min"):
-        return of[0] & of[1]
-    if instruction == "select":
-        return of[1] & of[2]
+    if instruction in ("fadd", "fsub", "max", "min", "select"):
+        return of[-2] & of[-1]
     if instruction in ("fdiv", "fabs"):
         return of[0]
     if instruction == "pow":  # not of smaller powers, with which a solution leaves 0

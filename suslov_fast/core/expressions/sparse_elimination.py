@@ -84,10 +84,7 @@ class Sparse:
 
 
 def _below_and_above(sets):
-    """Return (columns, rows) of places below the diagonal, and above it, as two pairs of arrays.
-
-    sets[k] contains the rows with entries in column k, as bits.
-    """
+    """Return (columns, rows) below and above the diagonal; sets[k] has rows of column k as bits."""
     places = [(k, i) for k, rows in enumerate(sets) for i in bits_of(rows)]
     columns, rows = np.array(places, np.int64).reshape(-1, 2).T
     return [(columns[part], rows[part]) for part in (rows > columns, rows < columns)]

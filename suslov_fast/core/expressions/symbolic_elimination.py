@@ -17,10 +17,7 @@ LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):
-    """Return two sets of places (i, j) in N = h f'(x): all entries, and entries that depend on x.
-
-    `indices` (3, n) has i, j, k of the terms v x_j x_k of f_i, where x_D = 1.
-    """
+    """Return two sets of places (i, j) in N = h f': all entries, and entries that depend on x."""
 
     def of(i, j):
         numbers = np.unique(i * D + j)
@@ -259,11 +256,7 @@ def filled(pattern, order):
 
 
 def work_of(order, fill, varying):
-    """Return the number of products in elimination, and of products that depend on the state.
-
-    `fill` is from `filled`, and `varying` has the places (i, j) of entries that depend on the
-    state.
-    """
+    """Return the number of products in elimination, and of products with `varying` factors."""
     place, count, of_state = {k: n for n, k in enumerate(order)}, 0, 0
     rows = [0] * len(order)
     for i, j in varying:

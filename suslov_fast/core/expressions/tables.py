@@ -56,10 +56,7 @@ def is_table(instruction):
 
 
 def of_line(knots, heights):
-    """Return the table of straight lines between points, with knots where its slope changes.
-
-    Where knots are equal the table jumps, and the last height counts, as in `np.interp`.
-    """
+    """Return the table of lines between points; at equal knots it jumps to the last height."""
     knots, heights = np.array(knots), np.array(heights)
     is_last = np.append(knots[1:] > knots[:-1], True)
     is_first = np.append(True, is_last[:-1])

@@ -40,10 +40,7 @@ free_in_children(_lock)
 
 
 def code_of(text_of, step, W=1, *options, lasts=False):
-    """Return the `Address` of the code of `text_of(step, name, W, *options)`, cached by `step.key`.
-
-    `text_of` writes the text of the function `name` for a step of a map in W lanes.
-    """
+    """Return the `Address` of the function that text_of(step, name, W, *options) writes; cached."""
     key = text_of, step.key, W, *options
     level = 0 if step.is_long else 2
     return compiled(key, lambda name: text_of(step, name, W, *options), level, lasts)

@@ -188,10 +188,7 @@ class Array:
         self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
-        """Write `value`, a `select` between row i itself and another value, to row i.
-
-        The store is volatile: LLVM would make a masked one, with up to 40 cycles on AMD processors.
-        """
+        """Write a `select` of row i and another value to row i; masked stores would be slow."""
         self.text.store(self.text.V, self.text.value(value), self._place(i), how="volatile ")
 
     def choose(self, truth, i, value):
@@ -495,14 +492,11 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function that adds a loop over `indices`; its argument is `carried`, see `each`.
-
-        Indices that are not consecutive stand in an array; this call computes its address.
-        """
+        """Return a function that adds a loop over `indices`; its argument is as in `each`."""
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
             return lambda carried=None: (k + first for k in self.each(count, carried))
-        array = indices if count < 2 else self.constants(indices)
+        array = indices if count < 2 else self.constants(indices)  # the address is computed here
         return lambda carried=None: (array[k] for k in self.each(count, carried))
 
     # ------------------------------------------------------------------------------ names, memory
@@ -545,15 +539,12 @@ class Code:
         """Add the operations of a scalar `kernel` on `inputs` by name; return {name: result}."""
         values = {k: self.value(inputs[name]) for k, name in enumerate(kernel.inputs)}
         self.carry_out(kernel.operations, values, None)
-        truths = {
-            number for instruction, number, _ in kernel.operations if instruction in OF_TRUTH_VALUES
-        }
-        return {
-            name: self.value(a)
-            if isinstance(a, float)
-            else (Truth if a in truths else Value)(self, values[a])
-            for name, a in kernel.results.items()
-        }
+        truths = {number for how, number, _ in kernel.operations if how in OF_TRUTH_VALUES}
+        results = {}
+        for name, a in kernel.results.items():
+            kind = Truth if a in truths else Value
+            results[name] = self.value(a) if isinstance(a, float) else kind(self, values[a])
+        return results
 
     def shuffled(self, a, b, order):
         """Return the vector of lanes `order`: n < W is lane n of a, n >= W is lane n - W of b."""

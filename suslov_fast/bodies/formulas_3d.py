@@ -123,8 +123,8 @@ def _rotation_number(problem: Problem) -> FloatArray:
 def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
     """Return h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
 
-    h = D F = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2), equation (9). k1 = -(2 / eps) artanh t
-    solves equation (12). sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
+    h = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2) is equation (9), k1 = -(2 / eps) artanh t
+    solves equation (12), and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
     t = _criticality(problem)
@@ -148,7 +148,7 @@ def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
 def limits(problem: Problem) -> list[FloatArray]:
     """Return the limits of an orbit, or for eps = 0 of a motion, at -infinity and +infinity.
 
-    They are steady states (Proposition 2). They are NaN for an orbit on a closed curve.
+    They are steady states (Proposition 2), and NaN for an orbit on a closed curve.
     """
     I1, I2, I13, I23, k, eps, w1, w2 = _numbers(problem)
     unit = closed.unit_of.of_arrays(w1, w2, k)

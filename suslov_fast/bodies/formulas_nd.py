@@ -85,7 +85,7 @@ def _rates(body: Any, omega: FloatArray, after: FloatArray) -> FloatArray:
     """Return the rates (after - w) / eps of a step to the next state `after`; f(w) if it is w.
 
     They are (p w_i - I_i |w|**2) / J_i, p = I . w, equation (14), with products of w and `after`.
-    The terms I_i w_i**2 are in neither sum, because they cancel.
+    I_i w_i**2, which p w_i and I_i |w|**2 contain, cancels and is left out.
     """
     of_p = _sums_of_others(body.I * omega) * after + _sums_of_others(body.I * after) * omega
     return np.asarray((0.5 * of_p - body.I * _sums_of_others(omega * after)) / body.J)
@@ -123,7 +123,7 @@ def _reaction(problem: Problem) -> FloatArray:
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
     """Return the eigenvalues of f' = (I.x) J**-1 P, where P projects onto the complement of I.
 
-    They are I.x times the squares of the singular values of P J**-1/2: so small ones keep digits.
+    They are I.x times the squares of the singular values of P J**-1/2, so small ones keep digits.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)
@@ -163,9 +163,9 @@ def _first_integral(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the density of the reduced body per area of spheres; 1 where every state is steady.
+    """Return the density of the reduced body, divided by areas; 1 where every state is steady.
 
-    The states with the same coordinate r (see `reduction`) form a sphere; its area is a power of r.
+    States with the same coordinate r (see `reduction`) form a sphere. Its area is a power of r.
     """
     parts = problem.body._reduction
     values = np.ones(problem.batch)
@@ -186,7 +186,7 @@ def _density_of_two(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> Fl
 def _density_of_three(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> FloatArray:
     """Return the density for I along axis a, with the other axes b and c.
 
-    With rate = eps I_a / 2 its inverse is
+    With rate = eps I_a / 2 the density is the inverse of
     w_b w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
     """
     order = (abs(I).argmax(axis=-1)[..., np.newaxis] + np.arange(3)) % 3

@@ -18,7 +18,7 @@ class Reduction:
     """The coordinates u and r of a batch of bodies with J and I (..., m).
 
     Each member has its own eigenspaces, in the order in which their J appear first, and `count`
-    coordinates. Further ones, up to the `size` of a result, are 0: an E0 of a higher dimension.
+    coordinates. If a result has more, its `size`, the other coordinates of the member are 0.
     """
 
     def __init__(self, J: FloatArray, I: FloatArray) -> None:
@@ -87,8 +87,8 @@ class Reduction:
     def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the states (..., m) that have the coordinates `states` (..., size).
 
-        Their part in each E0 has the direction of the part of omega. They are NaN if that part is
-        0, which has no direction, and the coordinate r is not 0.
+        Their part in each E0 has the direction of the part of omega in E0. They are NaN if that
+        part is 0, so that it has no direction, but the coordinate r is not 0.
         """
         _, r, direction = self._directions(omega)
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))

@@ -23,9 +23,9 @@ LONGEST = 300  # the most characters of a text for readers
 class Equations:
     """The equations that all members of a family share: the operations of f and of H.
 
-    names, parameters  the variables, and the named parameters, which are the first values
-    values, results    `Expressions` of f and H, and the operands of f. Their order is determined by
-                       f and H, not by how f was written.
+    names, parameters  names of variables and of parameters, which are the first operands
+    values, results    the operations of f and H, and the operands that are components of f; their
+                       order depends on f and H, not on how f was written
     products           the same, with products of dense matrices as single operations
     H, K               the operand of H, and the entries (i, j, value) of K; None without H
     ratios             the fractions that were typed, by the nearest floats

@@ -116,10 +116,7 @@ _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split(
 
 
 def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
-    """Raise an error for a constant NaN or infinity: the result would not depend on x.
-
-    Infinite divisors are correct, as are infinite limits in `clip`.
-    """
+    """Raise an error for NaN, and for infinity unless it is a divisor: x would have no effect."""
     for k, a in enumerate(operands):
         is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)
         if isinstance(a, float) and not math.isfinite(a) and not is_limit:
@@ -313,7 +310,7 @@ def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
     """Return the value of f, for which `np.array` and similar functions return `Symbols`.
 
     NumPy's own functions return arrays of objects, which cannot be compared, and they have no hook.
-    So NumPy's module has others during the call, which act in this thread only.
+    So they are replaced in NumPy's module during the call; other threads see no change.
     """
     caller = threading.get_ident()
 

@@ -201,7 +201,7 @@ class BatchRun:
         """Continue a group of trajectories to state `stop`, in chunks.
 
         Chunks divide the batch before they divide time, so that their data stay in the caches. They
-        grow while they are short, because `cost` is that of the slowest steps. A block of lanes
+        grow while they are short, because `cost` estimates the slowest steps. A block of lanes
         takes the same time however few of them are used, so a batch of one block is serial.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes

@@ -136,8 +136,9 @@ class _Part:
 def growth(
     problem: Problem, steps: int, transient: int, report: Report | None = None
 ) -> TangentGrowth:
-    """Return the growth of tangent vectors over `steps` steps, after steps that turn the vectors.
+    """Return the growth of tangent vectors over `steps` steps after a transient.
 
+    The vectors follow the transient, too, and turn to the directions in which they grow most.
     The sums end earlier if `report`, which is called with a number of steps, returns False.
     """
     start = flat_arrays(problem.omega, problem.batch)

@@ -61,8 +61,8 @@ def check(
 ) -> Problem:
     """Return a `Problem` of the checked arguments of a public function.
 
-    States `omega` may be NaN; errors call them `name`. They have components of these names, by
-    default the components of the body. True as an attitude is the identity for all states.
+    States `omega` may be NaN; errors call them `name`. Their `components` have by default the names
+    that the body gives. `attitude` is False, or rotations, or True for the identity.
     """
     labels, turns = components or body._labels, None
     if body._variable == "x":

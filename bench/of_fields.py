@@ -58,8 +58,8 @@ AT_ERRORS = {
     "heyoka": (
         OTHERS,
         "heyoka, Taylor integrator, 16 at once",
-        "integrators.henon_heiles",
-        None,
+        "motions.by_heyoka",
+        "henon-heiles",
         {1e-3: 1.6e-2, 1e-6: 4.2e-5, 1e-9: 1e-7},
     ),
     "scipy": (

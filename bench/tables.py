@@ -35,7 +35,7 @@ def beside(name, times=False):
     """Rate, or time, relative to that of another row."""
 
     def column(results, row):
-        base = results.rows.get(name.format(row.key, row.key.rpartition("-")[2]), row)
+        base = results.rows.get(name, row)
         ratio = base.rate / row.rate if times else row.rate / base.rate
         return "" if base is row else figure(ratio, 2)
 
@@ -57,7 +57,6 @@ COLUMNS = {
     "of the fastest stores": share,
     "relative to C": beside("last_states-c-printed"),
     "of `numpy.linalg.solve`": beside("calls-solve", times=True),
-    "of `iterate` and `numpy.save`": beside("stores-save-{1}", times=True),
     "of `import numba`": beside("processes-import-numba", times=True),
 }
 

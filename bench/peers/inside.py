@@ -7,8 +7,8 @@ import numpy as np
 from inside import SURFACE, SYSTEM, TIME, TIMES, WANTED, by_trajectory
 from scipy.integrate import solve_ivp
 
-from peers.integrators import henon_heiles_by_scipy
-from peers.motions import SIDE_BY_SIDE, compiled_f, heyoka_system
+from peers.integrators import SIDE_BY_SIDE, henon_heiles_by_scipy
+from peers.motions import compiled_f, heyoka_system
 
 
 def by_scipy(wanted, tolerance):

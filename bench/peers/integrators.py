@@ -11,18 +11,18 @@ SIDE_BY_SIDE = 16  # the fastest number of those tried
 
 
 @functools.cache
-def _integrator(right, D, **tolerance):
+def _integrator(right, D):
     """Return heyoka's integrator of a field, a function of D expressions."""
     import heyoka as hy
 
     variables = hy.make_vars(*(f"x{i}" for i in range(D)))
     system = list(zip(variables, right(*variables), strict=True))
-    return hy.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)), **tolerance)
+    return hy.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)))
 
 
-def _by_heyoka(right, starts, time, **tolerance):
-    """Integrate batches of trajectories, one after the other."""
-    (size, D), integrator = starts.shape, _integrator(right, starts.shape[1], **tolerance)
+def by_batches(integrator, starts, time):
+    """Return last states by an integrator of heyoka, for batches one after the other."""
+    size, D = starts.shape
     states = np.resize(starts, (-(-size // SIDE_BY_SIDE) * SIDE_BY_SIDE, D))
     for some in states.reshape(-1, SIDE_BY_SIDE, D):
         integrator.set_time(0.0)
@@ -33,9 +33,9 @@ def _by_heyoka(right, starts, time, **tolerance):
 
 
 def _by_scipy(right, starts, time, tolerance=1e-12, times=None):
-    """Integrate all trajectories as one system, with the steps of the most demanding one.
+    """Return last states, or states at `times`, of all trajectories as one system.
 
-    Returns the last states, or those at the times.
+    All of them take the steps of the trajectory that needs the shortest.
     """
     from scipy.integrate import solve_ivp
 
@@ -60,7 +60,7 @@ def _henon_heiles(x, y, u, v):
 
 
 def by_heyoka(omega0, time):
-    return _by_heyoka(_suslov, omega0, time)
+    return by_batches(_integrator(_suslov, 2), omega0, time)
 
 
 def by_scipy(omega0, time):
@@ -69,16 +69,11 @@ def by_scipy(omega0, time):
 
 def lorenz(field, x, steps):
     """The motion of the Lorenz system over the time of some steps of Kahan's map, by heyoka."""
-    return _by_heyoka(_lorenz, x, EPS_FIELD * steps)
+    return by_batches(_integrator(_lorenz, 3), x, EPS_FIELD * steps)
 
 
 def lorenz_by_scipy(field, x, steps):
     return _by_scipy(_lorenz, x, EPS_FIELD * steps)
-
-
-def henon_heiles(tolerance):
-    """A function of starts, by heyoka with a tolerance."""
-    return lambda x: _by_heyoka(_henon_heiles, x, TIME_OF_MOTIONS, tol=tolerance)
 
 
 def henon_heiles_by_scipy(tolerance, times=None):

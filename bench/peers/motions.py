@@ -13,7 +13,7 @@ import numpy as np
 from motions import SYSTEMS
 from scipy.integrate import odeint, solve_ivp
 
-SIDE_BY_SIDE = 16
+from peers.integrators import SIDE_BY_SIDE, by_batches
 
 
 class _Symbol:
@@ -174,13 +174,7 @@ def by_heyoka(name, tolerance):
             alone.time, alone.state[:] = 0.0, x[0]
             alone.propagate_until(time)
             return alone.state[np.newaxis].copy()
-        states = np.resize(x, (-(-len(x) // SIDE_BY_SIDE) * SIDE_BY_SIDE, D))
-        for some in states.reshape(-1, SIDE_BY_SIDE, D):
-            several.set_time(0.0)
-            several.state[:] = some.T
-            several.propagate_until(time)
-            some[:] = several.state.T
-        return states[: len(x)]
+        return by_batches(several, x, time)
 
     return run
 

@@ -3,8 +3,6 @@
 Modulo a prime, random numbers replace letters such as eps.
 """
 
-from __future__ import annotations
-
 import contextlib
 import random
 from collections.abc import Callable, Iterable, Sequence

@@ -4,8 +4,6 @@ With letters, polynomials of a stage have tens of terms where the composed map h
 lines and polynomials are mapped by one stage after another, and common factors divided out of each.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Mapping, Sequence

@@ -13,8 +13,6 @@ that tells conjugate lines apart, and in eps if it is symbolic. For other curves
 if they are the multiplicities of the polynomials at the points of one orbit.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 from functools import reduce

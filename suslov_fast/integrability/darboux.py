@@ -4,8 +4,6 @@ P solves linear equations at random points modulo a prime. C is a product of pow
 of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ logarithm of the largest root of the characteristic polynomial of the map's acti
 the blown-up plane (Diller and Favre 2001).
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Letters are eps and named parameters that stay symbols.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Mapping, Sequence
 from typing import Any

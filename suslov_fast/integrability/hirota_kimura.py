@@ -3,8 +3,6 @@
 `linear_relations` says how they are found, and why they give first integrals.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ monomials follow from the recurrence that its values at t = (2^i, 3^i, 5^i, ...)
 Tiwari 1988). No bounds of degrees are needed, and the time grows with the number of terms.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math

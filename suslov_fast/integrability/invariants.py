@@ -9,8 +9,6 @@ The polynomials of one cofactor span a space. Its basis in normal form consists 
 polynomials, if there are any, and stays independent in the limit for eps to 0.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import random

@@ -5,8 +5,6 @@ one quadric in three variables is projected from one of its points. Points are h
 (x1, ..., xD, 1) times a number or a polynomial in the letter.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -153,11 +151,8 @@ class _Equations:
             f = _function_by(f, [factored(x) for x in self.map.variables[:-1]])
         P, Q = f.as_quotient(None if f.factors else self.map.ring)
         if letters_in(P) and not self.map.is_symbolic:
-            eps, letter = getattr(self.map, "eps", None), f.letter
-            number = f"Fraction({str(eps or '1/3').replace('/', ', ')})"
-            has = "" if eps is None else f", and the map has {letter} = {eps}"
-            how = f"pass F.subs({letter}={number}) in place of F"
-            received = f"{short(f)}, in which {letter} is a letter{has}: {how}"
+            how = f'pass F.subs({f.letter}="{getattr(self.map, "eps", "1/3")}") in place of F'
+            received = f"{short(f)}, in which {f.letter} is a letter: {how}"
             raise wrong("integrals", "functions of the variables alone", received)
         if polynomials.variables_of(P) != self.D:
             raise wrong("integrals", f"functions of {self.D} variables", short(f))
@@ -237,7 +232,7 @@ class _Equations:
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
-        """Return the second point of a quadric on a line through x: coordinates `kept`, and last.
+        """Return where a line through x meets a quadric again: coordinates `kept`, then the last.
 
         The direction of the line has the coordinates x1, x2 and 1 at `kept`, and 0 elsewhere.
         """

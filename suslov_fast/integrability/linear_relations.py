@@ -7,8 +7,6 @@ of all is unique up to a factor, and each quotient c_i / c_j is a rational first
 formula may have thousands of terms, but its value at a point follows from a few points of an orbit.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator, Sequence

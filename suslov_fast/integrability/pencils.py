@@ -7,8 +7,6 @@ t second of a pencil the matrix of these equations is linear in t. Its rank fall
 members, where t is an eigenvalue.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ Coefficients are integers. Letters are further variables, before x1, ..., xD. A 
 called `eps` in computations, and has its own name in results. Modulo a prime, numbers replace them.
 """
 
-from __future__ import annotations
-
 import copyreg
 import math
 import random
@@ -111,7 +109,7 @@ def exponents_up_to(degree: int, n: int) -> Exponents:
 
 def exponents_in_x(P: Any) -> list[tuple[int, ...]]:
     """Return the exponents of x in the terms of a polynomial."""
-    first = int(letters_in(P))
+    first = letters_in(P)
     return [e[first:] for e in P.monoms()]
 
 

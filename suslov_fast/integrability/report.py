@@ -1,7 +1,5 @@
 """Reports on maps: degrees, first integrals, invariant measures, Darboux polynomials."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

@@ -4,8 +4,6 @@ Results lead to further tasks. A new Darboux polynomial, for example, leads to i
 searches for polynomials with the cofactors of its products with earlier ones.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator

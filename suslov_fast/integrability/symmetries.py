@@ -6,8 +6,6 @@ and b. An involution also satisfies S S = 1 and S b = -b. Products of these equa
 up to some degree are linear equations in monomials, which are solved modulo a prime.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections import defaultdict

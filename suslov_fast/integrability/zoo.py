@@ -1,7 +1,5 @@
 """The fields and maps of the page "A zoo of Kahan maps"."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any

@@ -7,12 +7,15 @@ import children
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from steps_in_numpy import attempts, explicit_step, implicit_step
 from systems import LORENZ, SPRING, lorenz_96, rates_of_henon_heiles, robertson, van_der_pol
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions import numpy_evaluation
 from suslov_fast.core.flow import batch_solver, integrator, step_length
+from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
+from suslov_fast.core.flow.code_arguments import NUMBER
+from suslov_fast.core.flow.memory import LaneState
+from suslov_fast.core.flow.weights import EXPLICIT, IMPLICIT, weights
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -83,6 +86,53 @@ def assert_same(one, other, own=slice(None)):
         np.testing.assert_array_equal(one.derivatives[name], other.derivatives[name][:, own])
 
 
+# -------------------------------------------------------------------------- steps by their formulas
+def attempts(f, table, x, last, settings):
+    """Yield t and x (D,): at first, and after each attempted step of `BatchSolver` to `last`."""
+    request = SolverRequest([last], 1, settings)
+    motion = BatchSolver(f, table, x[np.newaxis], request, np.empty((1, 1, f.D)))
+    motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
+    rows, mode = motion._rows(slice(0, 1)), int(bool(settings.stiff))
+    take = motion._runner(motion.integrator(mode), rows, np.zeros(1, np.int64), 1).take
+    while True:
+        own = rows[0, : f.D].copy()
+        if motion.starts is not None:
+            own[[*f.offsets]] += motion.starts[0]
+        yield rows[0, places.t], own
+        if rows[0, places.state] > LaneState.IMPLICIT:
+            return
+        while not take():
+            pass
+        if rows[0, places.state] == LaneState.TOO_MANY:  # it has made its one attempt
+            rows[0, places.state] = mode
+
+
+def explicit_end(f, x, s, N, sets):
+    """Return y_N after N sub-steps s by Gragg's rule; by Störmer's if variables fall into sets."""
+    a, b = x, x + s * f(x)
+    for m in range(1, N // 2 + 1):
+        a = a + 2 * s * f(b)
+        b = b + (s if m == N // 2 else 2 * s) * f(a)
+    if sets is None:
+        return (a + b) / 2
+    a[sets[1]] = b[sets[1]]
+    return a
+
+
+def implicit_end(f, x, s, N, jacobian):
+    """Return y_N after N linearly implicit sub-steps s of Euler's method, f' from the start."""
+    matrix, y = np.eye(len(x)) - s * jacobian(x), x
+    for _ in range(N):
+        y = y + np.linalg.solve(matrix, s * f(y))
+    return y
+
+
+def by_formulas(f, x, h, end, columns, p, *given):
+    """Return x(t + h) from the ends y_c of all columns: x + sum_c w_c (y_c - x)."""
+    ends = [end(f, x, h / N, N, *given) - x for N in columns]
+    return x + sum(w * y for w, y in zip(weights(columns, p), ends, strict=True))
+
+
 @pytest.mark.parametrize("stiff", [False, True])
 @pytest.mark.parametrize("name", SMOOTH)
 def test_steps_are_those_of_the_formulas(name, stiff):
@@ -90,16 +140,14 @@ def test_steps_are_those_of_the_formulas(name, stiff):
     field, x0, last = case(name)
     _, f, table = field._right_hand_sides[0]
     settings, compared = batch_solver.Settings(1e-6, stiff=stiff), 0
-    sets = batch_solver.integrator_of(f, False, False).sets
+    columns = explicit_end, EXPLICIT, 2, batch_solver.integrator_of(f, False, False).sets
+    if stiff:
+        columns = implicit_end, IMPLICIT, 1, lambda x: f.jacobian(x, table[0])
     for x in x0[np.isfinite(x0).all(axis=1)]:
         tried = attempts(f, table[0], x, last, settings)
         for (t, before), (later, after) in itertools.islice(itertools.pairwise(tried), 16):
             if later > t:
-                given = (lambda x: f.value(x, table[0])), before, later - t
-                if stiff:
-                    right = implicit_step(*given, lambda x: f.jacobian(x, table[0]))
-                else:
-                    right = explicit_step(*given, sets)
+                right = by_formulas(lambda x: f.value(x, table[0]), before, later - t, *columns)
                 np.testing.assert_allclose(after, right, 1e-10, 1e-12)
                 compared += 1
     assert compared >= len(x0)

@@ -144,10 +144,7 @@ def _network(rng):
 
     def f(x):
         fluxes = [k * np.prod([x[i] for i in a]) for k, (a, _) in zip(rates, some, strict=True)]
-        return [
-            sum((float(c) * r for c, r in zip(row, fluxes, strict=True) if c), 0.0 * x[0])
-            for row in stoichiometry
-        ]
+        return stoichiometry @ fluxes
 
     return n, f, stoichiometry, rng.uniform(0.1, 2.0, n)
 

@@ -444,8 +444,8 @@ class Field(Traced):
         described, entries = super()._described(), self._equations.K
         if entries is None:
             return described
-        i, j, values = map(list, zip(*entries, strict=True)) if entries else ([], [], [])
-        K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
+        i, j, values = np.array(entries, object).reshape(-1, 3).T.tolist()
+        K = {"indices": [i, j], "values": to_lists(values)}
         [H] = described.pop("equations")
         return described | {"H": H, "K": K}
 

@@ -27,18 +27,13 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 
 def part_of(problem: Problem, where: Where) -> Problem:
-    """Return the problem of a part of the batch, as views; `where` has a slice for each axis."""
-    body, omega, eps, turns = problem.body, problem.omega, problem.eps, problem.orientation
+    """Return the problem of a part of a batch without orientations, as views."""
+    body, omega, eps = problem.body, problem.omega, np.asarray(problem.eps)
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
-    omega = omega[along(omega.shape[:-1], where)]
-    if type(eps) is not float:
-        eps = np.asarray(eps)
-        eps = eps[along(eps.shape, where)]
-    if turns is not None:
-        turns = turns[along(turns.shape[:-2], where)]
+    omega, eps = omega[along(omega.shape[:-1], where)], eps[along(eps.shape, where)]
     batch = tuple(part.stop - part.start for part in where)
-    return problem._replace(body=body, omega=omega, eps=eps, batch=batch, orientation=turns)
+    return problem._replace(body=body, omega=omega, eps=eps, batch=batch)
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
@@ -65,8 +60,7 @@ def check(
     that the body gives. `attitude` is False, or rotations, or True for the identity.
     """
     labels, turns = components or body._labels, None
-    if body._variable == "x":
-        name = {"omega": "x", "omega0": "x0"}.get(name, name)
+    name = name.replace("omega", body._variable)
     omega = checks.states(name, omega, labels)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
     of_eps = () if type(eps) is float else eps.shape

@@ -11,7 +11,7 @@ from systems import LORENZ, SPRING, lorenz_96, rates_of_henon_heiles, robertson,
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions import numpy_evaluation
-from suslov_fast.core.flow import batch_solver, integrator, step_length
+from suslov_fast.core.flow import batch_solver, step_length, vector_functions
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
 from suslov_fast.core.flow.code_arguments import NUMBER
 from suslov_fast.core.flow.memory import LaneState
@@ -189,7 +189,7 @@ PATTERNS = {
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_implicit_steps_of_linear_systems(pattern, longest, monkeypatch):
     """By a list of operations, and by columns, of one orbit and of eight."""
-    monkeypatch.setattr(integrator, "LONGEST", longest)
+    monkeypatch.setattr(vector_functions, "LONGEST", longest)
     D = int(np.max(PATTERNS[pattern])) + 1 + (longest < 0)  # each way has code of its own
     A = np.diag(-np.geomspace(1.0, 1000.0, D))
     A[*PATTERNS[pattern]] += 0.3 * random(D, len(PATTERNS[pattern][0]))

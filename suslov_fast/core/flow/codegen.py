@@ -5,7 +5,7 @@
 
 from math import inf
 
-from ..llvm.text import Carried, Integers, Shared, Truth
+from ..llvm.text import Integers, Shared, Truth
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
 from .memory import LaneState
 
@@ -90,17 +90,6 @@ class StepCode(FunctionCode):
                 rows = self.line if hasattr(self.line, name) else self.work
                 inputs[name] = getattr(rows, name)[0 if name in self.integrator.scalars else i]
         return self.text.apply(kernel, **inputs)
-
-    def reduce(self, kernel, inputs=lambda i: {}, count=None, **start):
-        """Apply a kernel to components 0, 1, ... in turn; return its last results as a `Carried`.
-
-        The kernel reads inputs(i), and its results at the component before; at first these are
-        `start`.
-        """
-        found = Carried(**start)
-        for i in self.text.each(self.D if count is None else count, found):
-            found.update(self.apply(kernel, i, **inputs(i), **vars(found)))
-        return found
 
     def of_columns(self, rows, i):
         """Return a list: component i of each column. `rows` has D rows a column, as `work.ends`."""

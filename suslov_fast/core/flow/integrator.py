@@ -9,15 +9,9 @@ from ..expressions.partitioned import part_of, sets_of
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.symbolic_elimination import Elimination, elimination_order, filled, operations_of
 from ..llvm.sparse_solver import add_factors, add_solution
-from . import tolerance
+from . import tolerance, vector_functions
 from .memory import rows_of_trajectory, rows_of_work, scalars_of
-from .vector_functions import (
-    LONGEST,
-    DenseQuadratic,
-    JacobianColumns,
-    ProgramFunction,
-    SparseLoops,
-)
+from .vector_functions import ProgramFunction
 from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 
 
@@ -67,7 +61,7 @@ class Integrator:
         self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
         self.error_weights = [factor * w for w in weights_of_errors(self.columns, p)]
         if f.is_dense:
-            self.functions = {"f": DenseQuadratic(f.D, False)}
+            self.functions = {"f": vector_functions.DenseQuadratic(f.D, False)}
         else:
             self.functions = {"f": ProgramFunction(f.with_denominators, f.D, f.places)}
         if self.sets:
@@ -131,17 +125,17 @@ class Integrator:
         """Add f' and the elimination in 1 - s f' to `functions`; return its number of factors."""
         f, D, functions = self.f, self.f.D, self.functions
         if f.is_dense:
-            functions["j"] = DenseQuadratic(D, True)
+            functions["j"] = vector_functions.DenseQuadratic(D, True)
         elif f.products:
-            functions["j"] = JacobianColumns(f)
+            functions["j"] = vector_functions.JacobianColumns(f)
         else:
             functions["j"] = ProgramFunction(f.derivative, D, f.places)
         order = elimination_order(f.pattern, D)
         fill = filled(f.pattern, order)
-        if operations_of(fill) > LONGEST:
+        if operations_of(fill) > vector_functions.LONGEST:
             plan = Sparse(f.pattern, order, fill)
-            functions["factor"] = SparseLoops(plan, add_factors)
-            functions["solve"] = SparseLoops(plan, add_solution)
+            functions["factor"] = vector_functions.SparseLoops(plan, add_factors)
+            functions["solve"] = vector_functions.SparseLoops(plan, add_solution)
             count = D + plan.size
         else:
             elimination = Elimination(f.pattern, order, fill)

@@ -72,14 +72,12 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """Return errors of a component relative to a new allowed error, and the `inverse` of this.
+    """Return errors of a component relative to its allowed error in the trial, and `inverse`.
 
-    The new allowed error is at least the change that rounding of the state makes in the step.
-    `least`, the smaller change of f at both ends, gives this change, because f may be steep at one
-    end. If the step is hardly longer than the rounding of time, `largest` gives it, because
-    sub-steps contain little except rounding. An error below NOISY times `top`, the largest
-    component, may also be OF_NOISE times `second`. `of_length`, the ratio for the next length,
-    omits errors that only rounding allows: these do not shrink with the step.
+    If the step is hardly longer than the rounding of time, the `largest` change of f is allowed in
+    place of the `least` of both ends, because sub-steps contain little except rounding.
+    `of_length`, the ratio for the next length, omits errors that only rounding allows: these do not
+    shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))

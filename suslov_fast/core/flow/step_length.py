@@ -20,6 +20,7 @@ from math import inf, sqrt
 
 from ..expressions.elementary import from_bits
 from ..expressions.values import larger, smaller
+from ..llvm.text import Carried
 from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 from .weights import ORDER
@@ -87,8 +88,10 @@ def BEGIN_COMPONENT(x, f, counts, size, rate, total):
 
 def sizes_of(code, x, f):
     """Return the sums of `BEGIN_COMPONENT` over all components of a state x with rates f."""
-    zeros = {"size": 0.0, "rate": 0.0, "total": 0.0}
-    return code.reduce(BEGIN_COMPONENT, lambda i: {"x": x[i], "f": f[i]}, **zeros)
+    sums = Carried(size=0.0, rate=0.0, total=0.0)
+    for i in code.text.each(code.D, sums):
+        sums.update(code.apply(BEGIN_COMPONENT, i, x=x[i], f=f[i], **vars(sums)))
+    return sums
 
 
 def first_length(size, rate, part, last):

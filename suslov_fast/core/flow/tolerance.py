@@ -1,14 +1,9 @@
-"""The errors of a step, relative to the allowed error in each component.
+"""The errors of a step (`step`), relative to the allowed error in each component.
 
-A step has the estimated error e_i in component i. It is accepted if
-
-ratio = max_i e_i / allowed_i <= 1,
-
-if f has a value at the next state, and if no component changes a sign that the motion keeps. By
-default the allowed error is max(rtol |x_next,i|, floor s_i, rtol 2**-60 max_j s_j), where s_i is
+By default the allowed error is max(rtol |x_next,i|, floor s_i, rtol 2**-60 max_j s_j), where s_i is
 the largest |x_i| so far, and `floor` is rtol or less (`floors_of`). The last term is needed because
 a component that is reached through m others begins as t**m, and no step has relative digits of it
-for m > 10. For columns of derivatives it has 2**-20 in place of 2**-60. Clocks, which have constant
+for m > 10. Columns of derivatives have 2**-20 in place of 2**-60. Clocks, which have constant
 rates, have no error. In max_j s_j a clock counts with its change in the step, because time may be
 large when all other components are small. With `atol` the allowed error is the larger of
 atol_i + rtol max(|x_i|, |x_next,i|) and the rounding of the weighted sum of columns.

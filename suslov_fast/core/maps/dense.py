@@ -26,7 +26,7 @@ LANES = 8
 class Dense(NamedTuple):
     """Fields for `take_dense_steps`: the terms v x_j x_k of each f_i, with x_D = 1, and eps.
 
-    Terms with the same j and the same k in consecutive equations i form a run of terms.
+    A run is a sequence of terms with the same j and the same k in consecutive equations i.
     """
 
     runs: Any  # (S, 5): j, k, first i, number of terms, first coefficient
@@ -65,11 +65,9 @@ def _runs_of(step):
 
 
 def take_dense(threads, arguments, omega0, span, output):
-    """Take steps of dense fields on `threads` threads, from state `start` to state `stop`.
+    """Take the steps of a `Span` on `threads` threads, with the arguments of `maps.kernel`.
 
-    `arguments` are a `Scheme`, values and eps; `omega0` (B, D) is state 0. `carry` (1, B) of the
-    `output` has n of first states beyond poles, or 0. If a lane loses digits, `solve_at` is
-    compiled, and the steps are repeated.
+    If a lane loses digits, compile `solve_at`, and repeat the steps.
     """
     scheme, *parameters = arguments
     trajectories = slice(span.begin, span.end)
@@ -103,11 +101,10 @@ def take_dense(threads, arguments, omega0, span, output):
 
 @function
 def fill(runs, coefficients, states, columns, a):
-    """Fill `a` (W, D, D + 1) with the systems of W lanes: A(x) = 1 - N, then the right side.
+    """Fill `a` with the systems of W lanes: A(x) = 1 - N, then the right side, x + column D of N.
 
-    With x_D = 1 a term h v x_j x_k of row i adds h v x_k to N_ij and h v x_j to N_ik. Column D of
-    N, plus x, is the right side. `runs` are from a `Dense`, and `coefficients` (1 or W, T) are
-    h v in their order; `columns` (W, D + 1, D) is memory for N.
+    A term h v x_j x_k of f_i adds h v x_k to N_ij and h v x_j to N_ik. `coefficients` are the h v
+    in the order of `runs`; `columns` is memory for N.
     """
     W, D = states.shape
     for l in range(W):
@@ -135,13 +132,12 @@ def fill(runs, coefficients, states, columns, a):
 
 @function
 def solve_rows(a):
-    """Solve a system without row exchanges: `a` (D, D + 1) is A, then the right side.
+    """Solve a system (D, D + 1) in place, without row exchanges, in the order of its rows.
 
-    The solution replaces the right side, and factors of A replace A, with inverse pivots on the
-    diagonal. Return True if no pivot is relatively small, and True if det A < 0. Rows are
-    eliminated in order, so that a row stays in the first cache. Unsigned j makes row loops SIMD.
+    The solution replaces the right side. Return True if it keeps its digits, because no pivot is
+    relatively small, and True if det A < 0.
     """
-    D = len(a)
+    D = len(a)  # a row stays in the first cache; unsigned j makes the loops of a row SIMD
     least, largest, negative = np.inf, 1.0, False
     for i in range(D):
         largest = simd_max(abs(a[i, i]), largest)

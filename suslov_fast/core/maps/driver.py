@@ -52,9 +52,8 @@ SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the ar
 def text_of_steps(step, name, W, for_each, saves):
     """Return LLVM's text of i64 name(address of `DriverArguments`): steps of lines of W lanes.
 
-    `step` is the `Step` of each stage. The code returns DONE, or NOT_READY if it needs the address
-    of `pivoting_step` or of statuses, but the address is 0. If `for_each`, each lane has parameters
-    of its own. If `saves`, the code saves states.
+    The code returns DONE; it returns NOT_READY if it needs the address of `pivoting_step`, or of
+    statuses, and the address is 0. If `for_each` is true, each lane has its own parameters.
     """
     return _Driver(step, name, W, for_each, saves).finished()
 
@@ -210,8 +209,8 @@ class _Driver:
     def save(self, line, row, state, final):
         """Add code that copies line number `line` to saved states, one trajectory after the other.
 
-        `row` and `state` are the addresses of the saved states (B, D) and of the line, and `final`
-        are its values in registers. They are shuffled: loops over lanes take 1.57 times as long.
+        `row` and `state` are the addresses of the saved states and of the line. The values `final`
+        of a whole line are shuffled in registers: loops over lanes take 1.57 times as long.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

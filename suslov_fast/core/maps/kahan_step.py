@@ -118,8 +118,7 @@ class Step:
     def _increments(self, indices, D, halves, order, fill):
         """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0.
 
-        delta is (x_next - x) / 2; `halves` are the numbers of the values h v of terms at `indices`.
-        `order` (of pivots) and `fill` (nonzeros after fill-in) are from `_plan_of`.
+        `halves` are the numbers of the values h v; `order` and `fill` are from `_plan_of`.
         """
         right = {}
         self.matrix = Matrix(indices, D, self.values, range(D), halves)
@@ -147,8 +146,7 @@ class Step:
     def _add_tests(self, increments):
         """Add the operations `rare`, and tests: increments do not cancel x, pivots are not small.
 
-        `increments` is {k: delta_k}, half of x_next - x. `good` asks for more than `accurate`,
-        but takes fewer operations.
+        `good` asks for more than `accurate`, but takes fewer operations.
         """
         number = self.values.number
         after = {k: number(self.after[k]) for k in {*increments, *self.of_one_sign}}

@@ -7,11 +7,11 @@ sum of its v x_j x_k, j <= k. The indices of the terms determine the expression 
 (`kahan_step`), and `stage_code` makes machine code of it. If the increment cancels the state, or
 elimination loses digits, `pivoting_step` repeats it. A step of other methods has several
 stages, which are steps by fractions of eps (`stages`). States are in lines of W lanes,
-x[line, component, lane]. After a failure a trajectory is NaN.
+x[line, component, lane]. After a failure a trajectory is NaN. In calls of the kernel
 
-arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
-final       (B, D), the states that a run continues from
-carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; negative if a
+arguments   are a `Scheme`, values (1 or B, T) and eps (1 or B,)
+final       has the states (B, D) that a run continues from
+carry       has the first state beyond a step from det A < 0, 0 if there is none; negative if a
             component that keeps its sign along the motion changed it, while det A > 0
 """
 
@@ -51,12 +51,10 @@ def scheme_of(indices, D, stages=WHOLE):
 class _Lines:
     """Trajectories in lines of W lanes, with all the arrays that their steps need.
 
-    arguments a `Scheme`, values and eps
-    x         states (lines, D, W)
-    for_each  True if each lane has its own parameters
-    marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
-              without a trajectory have ended
-    notes     status, failed_at and the first state beyond a pole, of each trajectory
+    x       states (lines, D, W)
+    marks   (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
+            without a trajectory have ended
+    notes   status, failed_at and the first state beyond a pole, of each trajectory
     """
 
     def __init__(self, arguments, states, notes, W):
@@ -92,9 +90,8 @@ class _Lines:
     def take(self, start, stop, saved, every, abandoned, seconds=None):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `pivoting_step`, and this is not compiled or the run is short,
-        else True. After False the caller repeats the steps with `seconds`, the time that pivoting
-        would take in Python. End early if `abandoned` is not empty. `saved` is (rows, B, D).
+        Return False if a step needs `pivoting_step`, and this is not prepared. Then the caller
+        repeats the steps with `seconds`, the time that pivoting would take in Python.
         """
         stages = len(self.scheme.stages.fractions)
         every = min(every, stop + 1)  # so `every` times `stages` is an integer of 64 bits
@@ -118,11 +115,7 @@ class _Lines:
         return True
 
     def _driver_arguments(self, start, steps, saved, until, between, pivoting):
-        """Return the array of `DriverArguments`, and what must stay alive while the driver runs.
-
-        `start` is the first state. `steps`, `until` (the first saved state) and `between` (two
-        saved states) count stages. `pivoting` is the address of `pivoting_step`, or 0.
-        """
+        """Return the array of `DriverArguments`, and what must stay alive while the driver runs."""
         arrays, of_pivoting = (), np.empty(0)
         if pivoting:
             step, stages = self.scheme
@@ -194,11 +187,7 @@ class FieldSteps(Kernel):
 
 
 def _iterate_part(part, parts, arguments, omega0, span, output, abandoned):
-    """Take the steps of one part of a batch of B trajectories, number `part` of `parts`.
-
-    `arguments` are a `Scheme`, values and eps, `span` and `output` a `Span` and an `Output`.
-    `omega0` (B, D) are the first states if start = 0. End early if `abandoned` is not empty.
-    """
+    """Take part `part` of `parts` of the steps of a `Span`, unless they are `abandoned`."""
     scheme, *parameters = arguments
     begin, end = span.begin, span.end
     starts = omega0 if span.start == 0 else output.final

@@ -22,10 +22,7 @@ _PASSES_NAN_ON = {"select": slice(1, None), **dict.fromkeys(("max", "min", "pow"
 
 
 class MapStep(ExtendedStep):
-    """The program of a step x_next = f(x) of a map; f is a `RightHandSide`.
-
-    With `columns`, D columns f'(x) q, orthonormalised, and D sums of logs of lengths follow x.
-    """
+    """The program of a step x_next = f(x), f a `RightHandSide`; an `ExtendedStep` if `columns`."""
 
     def __init__(self, f, columns=False):
         self.of = f
@@ -72,10 +69,10 @@ class MapStep(ExtendedStep):
         self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
 
     def _add_test(self, D):
-        """Add the tests `accurate` (f(x) finite, x not NaN) and `good` (sum finite, or all NaN).
+        """Add the tests `accurate` (f(x) is finite, x is not NaN) and `good`, of the sum of f(x).
 
-        Lanes that have ended are NaN. As they are `good`, their lines need no rare operations.
-        A sum is faster, but may overflow where f(x) is finite; a - a is 0 or NaN.
+        A sum is faster, but may overflow where f(x) is finite; a - a is 0 or NaN. Lanes that have
+        ended are NaN: they are `good`, so that their lines need no rare operations.
         """
         number = self.values.number
         tested = [number(a) for a in self.after[:D]]

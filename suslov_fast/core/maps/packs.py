@@ -53,10 +53,10 @@ def plan_of(stages, table):
 
 
 def tables_of(scheme, values, eps, W):
-    """Return eps v / 2 of the terms (lines, T, W), and tables (fractions, lines, n, W).
+    """Return eps v / 2 of the terms (lines, T, W), and a table (lines, n, W) for each fraction.
 
-    `values` has the factors v. The table of a distinct fraction in `scheme` has all that a step
-    needs of parameters alone. A common field has the shapes (1, T, 1) and (fractions, 1, n, 1).
+    A table has all that a step needs of parameters alone. For one field and one eps, `lines` and W
+    are 1 in these shapes.
     """
     fractions, _ = distinct(scheme.stages.fractions)
     if len(eps) == len(values) == 1:
@@ -73,13 +73,9 @@ def packed(truths):
 
 
 def note_undefined(states, notes):
-    """Set statuses of trajectories to NONFINITE where state 0, in `states` (B, D), has a NaN.
-
-    `notes` are the arrays status, failed_at and poles. failed_at becomes 0 for these trajectories,
-    and poles 0 where the status is OK. Other results stay: earlier stages of a step may have them.
-    """
+    """Note failures of trajectories with NaN in state 0, in `states` (B, D), and no poles."""
     status, failed_at, poles = notes
-    poles[status == OK] = 0.0
+    poles[status == OK] = 0.0  # the others are from earlier stages of a step
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.
     total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
     if not math.isfinite(total):

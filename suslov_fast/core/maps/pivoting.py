@@ -76,7 +76,7 @@ def changes_sign(indices, x, after):
 def take_columns(indices, half, x, after, tangent, units):
     """Multiply the columns in x by the derivative of the step to `after`; orthonormalise them.
 
-    x is the state before the step, D columns, and D sums of logarithms of lengths. `tangent`
+    x is the state before the step, with the columns and sums of an `ExtendedStep`. `tangent`
     (D, 2 D) and `units` (2, D) are memory.
     """
     D = len(after)
@@ -142,10 +142,9 @@ def arguments_of(arrays, state_D, first):
 
 @c_function
 def pivoting_step(address, line, bad, signs, n):
-    """Take stage n of the lanes of a line with bits in `bad`; record failures and poles.
+    """Take stage n of the lanes of a line with bits in `bad`; record failures and poles of all.
 
-    `address` is the address of the `LineArguments`. The other lanes have finished this stage: bit l
-    of `signs` is 1 if det A < 0 in lane l, and bit CHANGED + l if a component changed its sign.
+    `address` is that of the `LineArguments`. `signs` of the other lanes are from `take_rare`.
     """
     a = array_at(address, (_COUNT,), np.int64)
     lines, W, T = a[PLACE.lines], a[PLACE.W], a[PLACE.T]

@@ -11,10 +11,9 @@ BLOCK = 64  # operations of a block of long programs: LLVM's time is quadratic i
 
 
 class Stage:
-    """Writer of the code of one stage, by the operations of a `Step`, for a line of lanes.
+    """Writer of the code of one stage of a `Step` for a line; `values` are its values by number.
 
-    `load(number)` returns a value that no operation computes: a component of the state, or a table
-    value. `values` are values of the usual operations, by number.
+    load(number) returns a value that no operation computes: a component of x, or a table value.
     """
 
     def __init__(self, text, step, load):
@@ -49,8 +48,8 @@ class Stage:
     def take_rare(self):
         """Add operations that few steps need; return (next state, `accurate`, its bits, `signs`).
 
-        `accurate` is true in lanes with an accurate x_next. Bits of `signs` from 0 on mark lanes
-        with det A < 0, and bits from CHANGED on lanes where a component changed its sign.
+        `accurate` is true in lanes in which the next state is. Bits of `signs` mark lanes with
+        det A < 0; bits from CHANGED on mark lanes in which a component changed its sign.
         """
         text, step, values = self.text, self.step, dict(self.values)
         self.carry_out(step.rare, values)
@@ -63,10 +62,7 @@ class Stage:
 
 
 def loader(text, step, for_each, state, table):
-    """Return load(number), which loads a value of `step`: a component of x, or a table value.
-
-    `state` and `table` are addresses of rows for one line; lanes share a table unless `for_each`.
-    """
+    """Return the `load` of a `Stage` for the addresses of the state and of the table of a line."""
     x, values = text.array(state), text.array(table) if for_each else Shared(text, table)
 
     def load(number):
@@ -78,8 +74,8 @@ def loader(text, step, for_each, state, table):
 def text_of_stage(step, name, *_):
     """Return LLVM's text of i64 name(x, table), which takes a stage of one state in place.
 
-    x is the address of the state (D,), `table` of the table values of `step`. If the stage is not
-    accurate, the code returns 1 and leaves x; otherwise bit 8 of its result is 1 if det A < 0.
+    Arguments are addresses. The code returns 1, and leaves the state, if the stage is not accurate.
+    Otherwise it returns 256 if det A < 0, else 0.
     """
     text = Code(1)
     text.begin(name, "x", "table")

@@ -28,8 +28,7 @@ class Scheme(NamedTuple):
 @lru_cache
 def distinct(fractions):
     """Return the distinct `fractions` of stages, and for each stage the index of its fraction."""
-    values = [*dict.fromkeys(fractions)]
-    return np.array(values), np.array([values.index(fraction) for fraction in fractions])
+    return np.unique(fractions, return_inverse=True)
 
 
 WHOLE = Stages((1.0,))  # stages of Kahan's map itself

@@ -37,8 +37,8 @@ def _prepared(step, stages, eps, values, saves):
 def steps_of_one(arguments, x, count=1, every=0, saved=None):
     """Return state number `count` from x (D,); None if only the kernel of steps can take the steps.
 
-    If `every` is not 0, states with multiples of it as numbers go to `saved` (rows, D). `arguments`
-    are a `Scheme`, values and eps. A call takes a sixth of the time of the kernel.
+    States with multiples of `every` as numbers go to `saved`, unless `every` is 0. A call takes a
+    sixth of the time of the kernel.
     """
     (step, stages), values, eps = arguments
     parts = len(stages.fractions)

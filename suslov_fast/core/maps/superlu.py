@@ -65,10 +65,10 @@ class _StepByNumPy:
 
 
 class _Sparse:
-    """A step of sparse fields, called with a fraction of eps, x (n, D) and trajectories `which`.
+    """A step of sparse fields with terms v x_j x_k of f_i; `halves` (1 or B, T) are eps v / 2.
 
-    A call returns x_next (n, D), and the signs (n,) of det A, 0 where A is singular. For the terms
-    v x_j x_k of f_i, `indices` (3, T) has i, j, k and `halves` (1 or B, T) has eps v / 2.
+    Called with a fraction of eps, states (n, D) and the numbers `which` of their trajectories, it
+    returns the next states, and the signs (n,) of det A, 0 where A is singular.
     """
 
     def __init__(self, indices, D, halves):

@@ -230,12 +230,25 @@ def fill_lane(c, l, J, I, w):
 @function
 def nd_step_of_one(system, state, out, memory):
     """Write the state after `state` to `out`; return its status. `memory` is from `nd_memory`."""
+    return step_one(system, state, out, memory, None)
+
+
+@function
+def gauss_step_of_one(system, state, out, memory):
+    """Write the state after `state`, by elimination, to `out`; return its status."""
+    return step_one(system, state, out, memory, True)
+
+
+@inlined
+def step_one(system, state, out, memory, by_elimination):
+    """Do what `nd_step_of_one` does, by elimination unless `by_elimination` is None."""
+    # None, because Numba removes branches that depend on it.
     c, b, a, for_solve, notes = memory
     _, status, _ = notes
     status[0] = OK
     J, I, b[EPS, 0], b[NEAR, 0], _ = system
     fill_lane(c, 0, J, I, state)
-    step_block(c, b, a, for_solve, 0, 1, 1, notes, 1)
+    step_block(c, b, a, for_solve, 0, 1, 1, notes, 1, by_elimination)
     for i in range(len(out)):
         out[i] = c[W, i, 0]
     return np.int64(status[0])
@@ -275,7 +288,7 @@ class GaussSystem(NDSystem):
 
 # Functions that `compiled` calls for an `NDSystem`.
 NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
-GaussSystem.memory = gauss_memory
+GaussSystem.memory, GaussSystem.one_step = gauss_memory, gauss_step_of_one
 
 
 @kernel
@@ -294,8 +307,7 @@ def gauss_steps(part, parts, parameters, omega0, span, output):
 
 @inlined
 def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
-    """Take steps as `nd_steps` does; by elimination unless `by_elimination` is None."""
-    # None, because Numba removes branches that depend on it.
+    """Take steps as `nd_steps` does, by elimination unless `by_elimination` is None."""
     saved, final, carry, status, failed_at = output
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
@@ -314,7 +326,7 @@ def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
         start_block(c, b, parameters, states, begin, end, start, notes)
         for n in range(start, stop + 1):
             if n > start:
-                step_block(c, b, a, for_solve, begin, end, n, notes, lanes)
+                step_block(c, b, a, for_solve, begin, end, n, notes, lanes, by_elimination)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
@@ -323,14 +335,11 @@ def iterate_nd(part, parts, parameters, omega0, span, output, by_elimination):
     keep(systems)
 
 
-@formula
-def step_block(c, b, a, for_solve, begin, end, n, notes, lanes):
-    """Take step n of a block (c, b) of trajectories `begin` to end - 1; note failures and poles.
-
-    The step is by elimination in `a` (m, m + 1, lanes), unless `a` is None.
-    """
+@inlined
+def step_block(c, b, a, for_solve, begin, end, n, notes, lanes, by_elimination):
+    """Take step n of a block (c, b) of trajectories `begin` to end - 1; note failures and poles."""
     carry, status, failed_at = notes
-    if a is None:
+    if by_elimination is None:
         compute_sums(c, b, lanes)
         near, to_solve = compute_factors(c, b, lanes)
         if near > 0:
@@ -348,7 +357,7 @@ def step_block(c, b, a, for_solve, begin, end, n, notes, lanes):
             status[begin + l] = PASSED_POLE
             failed_at[begin + l] = n
             carry[0, begin + l] = n
-    if a is None:
+    if by_elimination is None:
         add_increments(c, b, lanes)
 
 

@@ -385,12 +385,9 @@ def check_map(map: Any) -> None:
     if not isinstance(map, RationalMap):
         how = "pass a Field, a Map, kahan(field, eps) or rational_map(map, inverse)"
         raise TypeError(f"map is a {type(map).__name__}: {how}")
-    at_number = map.at_eps(EPS)
-    try:
-        image = at_number.image(arithmetic.random_point(map.dimension, map.prime))
-    except ZeroDivisionError:
-        raise ArithmeticError(f"{map} is no map, because its equations have no solution") from None
-    try:
-        at_number.image(image)
-    except ZeroDivisionError:
-        raise ArithmeticError(f"{map}: its image consists of poles") from None
+    x = arithmetic.random_point(map.dimension, map.prime)
+    for why in ("is no map, because its equations have no solution", "has an image of poles"):
+        try:
+            x = map.at_eps(EPS).image(x)
+        except ZeroDivisionError:
+            raise ArithmeticError(f"{map} {why}") from None

@@ -60,7 +60,7 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     Returns
     -------
     RationalMap
-        It is callable, and has `inverse`, `jacobian`, `determinant` and `dimension`.
+        Called with a point, it returns the image. Its `inverse` is such a map, too, or None.
 
     Raises
     ------
@@ -166,10 +166,8 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
     names = letters.replace(",", " ").split() if isinstance(letters, str) else letters
     names = [*names] if isinstance(names, Sequence) else []
     if not names or {*names} - {*places} or len({*names}) < len(names):
-        known = (
-            f"names of its parameters {', '.join(places)}" if places else "left out: it has none"
-        )
-        raise wrong("letters", known, repr(letters))
+        known = f"names of its parameters {', '.join(places)}"
+        raise wrong("letters", known if places else "left out: it has none", repr(letters))
     if "eps" in names and not isinstance(system, Map):
         raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
     most = MOST - (not isinstance(system, Map))  # eps is a letter, too

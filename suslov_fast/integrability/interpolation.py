@@ -146,9 +146,6 @@ def _interpolated(
     Raise `ZeroDivisionError` if a random point or line is special; another prime may work.
     """
 
-    def parameters(size: int) -> list[int]:
-        return rng.sample(range(1, 2**60), size)
-
     def point() -> list[int]:
         return [rng.randrange(1, p) for _ in range(count)]
 
@@ -163,11 +160,11 @@ def _interpolated(
     pairs: list[tuple[Terms, Terms]] = [({zeros: a} if a else {}, {zeros: 1}) for a in first]
     if not varying:
         return pairs
-    size, t = 4, point()
+    size, t, numbers = 4, point(), range(1, 2**60)
     if count == 1:  # the letter is z
         s, t = [0], [1]
     while True:
-        line = Line(parameters(size), p)
+        line = Line(rng.sample(numbers, size), p)
         quotients = [line.quotient(values) for values in along(t, line.z)]
         if all(quotients):
             break
@@ -182,7 +179,7 @@ def _interpolated(
     sizes = [[max(P.degree(), 0) + 1 for P in pair or ()] for pair in quotients]
     coefficients: list[Any] = [[] for _ in varying]
     parts: list[Any] = [None for _ in varying]
-    line = Line(parameters(max(map(sum, sizes)) + 1), p)
+    line = Line(rng.sample(numbers, max(map(sum, sizes)) + 1), p)
     points: list[list[int]] = []
     while None in parts:
         if len(points) > _LINES:

@@ -299,8 +299,8 @@ def kahan(field: Any, /, eps: Any = None) -> KahanMap:
     Returns
     -------
     KahanMap
-        It is callable, and has `formulas`, `inverse`, `jacobian`, `determinant`, `dimension`,
-        `field`, `eps`, and `subs`.
+        Called with a point, it returns the image. Its `inverse` is the map for -eps, `formulas` are
+        its components as functions, and `subs` replaces a symbolic eps by a number.
 
     Examples
     --------

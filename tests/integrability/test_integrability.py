@@ -112,7 +112,6 @@ def test_the_map_its_inverse_and_its_derivative(n):
 
 
 def test_a_letter_in_the_coefficients():
-    """What is found for it holds for its values; so do maps, inverses and formulas."""
     map = rational_map(
         Map(lambda x, λ: (x[1], λ * (x[1] + 1) / (x[0] * (λ - 2))), 2, λ=1),
         Map(lambda x, λ: (λ * (x[0] + 1) / (x[1] * (λ - 2)), x[0]), 2, λ=1),

@@ -156,7 +156,6 @@ def test_states_saved_seldom(rng, kind):
 @pytest.mark.sampled(5)
 @with_options
 def test_failures_are_marked_at_any_step(rng, kind, options):
-    """Trajectories whose states end, early or late, have a status, and no others."""
     body, omega, *eps = hard(rng, kind)
     run = sf.iterate(
         body, omega, *eps * (not isinstance(body, sf.Map)), 100, on_singular="ignore", **options
@@ -189,7 +188,6 @@ def test_the_jacobian_is_that_of_the_steps(rng, kind):
 
 @pytest.mark.parametrize("kind", [each for each in promises.BY_DEFAULT if each in WITH_EPS])
 def test_units_and_inverse(rng, kind):
-    """Units change states of a Kahan map to rounding; a step of -eps goes back."""
     body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
     omega, eps = np.clip(omega, -2, 2), eps / 4
     there = sf.step(body, omega, eps)

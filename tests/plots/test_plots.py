@@ -114,26 +114,27 @@ def test_states_far_apart_are_dots():
         assert {line.get_linestyle() for line in run.plot(lines=True).lines} == {"-"}
 
 
+SPRING = sf.Field(lambda x, k, c: (x[1], -k * x[0] - c * x[1]), "q p", k=1.0, c=0.1)
+
+
 def test_lists_of_names_and_properties_of_lines():
-    field = sf.Field(lambda x, k, c: (x[1], -k * x[0] - c * x[1]), "q p", k=1.0, c=0.1)
-    motion = sf.flow(field, [1.0, 0.0], time=np.linspace(0, 9, 100))
+    motion = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0, 9, 100))
     lines = motion.plot("t", ["p", "q"], lw=2, ls="--").get_lines()
     assert [line.get_label() for line in lines] == ["$p$", "$q$"]
     assert {(line.get_linewidth(), line.get_linestyle()) for line in lines} == {(2, "--")}
     np.testing.assert_array_equal(lines[0].get_xydata(), np.c_[motion.time, motion["p"]])
     with pytest.raises(TypeError, match="plot has no argument 'figsize': use ax"):
         motion.plot(figsize=(3, 3))
-    few = sf.flow(field, [1.0, 0.0], time=np.linspace(0, 9, 5)).plot().get_lines()
+    few = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0, 9, 5)).plot().get_lines()
     assert few[0].get_markersize() > 4
 
 
 def test_a_second_parameter_is_told():
-    field = sf.Field(lambda x, k, c: (x[1], -k * x[0] - c * x[1]), "q p", k=1.0, c=0.1)
-    several = field.with_parameters(k=[[1.0], [2.0], [3.0]], c=[0.1, 0.5])
+    several = SPRING.with_parameters(k=[[1.0], [2.0], [3.0]], c=[0.1, 0.5])
     times = np.linspace(0, 9, 100)
     lines = sf.flow(several, [1.0, 0.0], time=times).plot("t", "q").get_lines()
     assert lines[3].get_label() == "$k$ = 2, $c$ = 0.5"
     assert [line.get_linestyle() for line in lines] == ["-", "--"] * 3
-    many = field.with_parameters(k=np.linspace(1, 3, 9)[:, np.newaxis], c=[0.1, 0.5])
+    many = SPRING.with_parameters(k=np.linspace(1, 3, 9)[:, np.newaxis], c=[0.1, 0.5])
     figure = sf.flow(many, [1.0, 0.0], time=times).plot("t", "q").figure
     assert figure.axes[1].get_ylabel() == "$k$, each for 2 $c$"

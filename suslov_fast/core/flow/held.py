@@ -154,19 +154,24 @@ def motion_memory(system):
 
 
 @function
-def _begin(system, x0, memory, inputs, x):
-    """Fill `memory` and `x` for a motion that begins; return -1, a state below any `LaneState`."""
+def _begin(system, x0, memory, tries):
+    """Fill `memory` for a motion that begins, or that begins again after an alarm (`tries` > 0)."""
     plan, constants, time = system.plan, system.constants, abs(system.time)
+    x, D, size = memory[plan[PLAN.rows] :], plan[PLAN.D], 0.0
+    relative = memory[plan[PLAN.state] :]  # the row `lost` of the motion, which `x` begins again
+    for i in range(D):
+        is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
+        relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
     first, numbers = plan[PLAN.numbers], memory[plan[PLAN.numbers] :]
     for k in range(plan[PLAN.table] - first):
         memory[first + k] = constants[plan[PLAN.template] + k]
-    D, size = plan[PLAN.D], 0.0
     for i in range(D):
         x[i], size = x0[i], max(size, abs(x0[i]))
     size = _power_of_2(size)
     for j in range(plan[PLAN.by_starts]):
         x[D + j * D + j] = size
     memory[plan[PLAN.ended] + 1] = size
+    inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
     for k in range(min(len(system.parameters), len(inputs))):
         inputs[k] = system.parameters[k]
     for k in range(_CLOCKS, plan[PLAN.clocks], 2):  # these clocks begin at 0
@@ -183,14 +188,8 @@ def _begin(system, x0, memory, inputs, x):
     numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0
     if plan[PLAN.is_bounded]:
         numbers[NUMBER.longest] = min(numbers[NUMBER.longest], time / 32.0)
-    return np.int64(-1)
-
-
-@function
-def _set_again(system, tries, memory, x, relative):
-    """Set numbers for a motion that is computed again; `relative` is -1 or 0 for each component."""
-    plan, constants, D = system.plan, system.constants, system.plan[PLAN.D]
-    numbers = memory[plan[PLAN.numbers] :]
+    if tries == 0:
+        return
     for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many):
         numbers[k] = constants[plan[PLAN.numbers_again] + k]
     if tries >= _ALL:
@@ -208,7 +207,6 @@ def motion_of_one(system, x0, out, memory):
         return OF_ANOTHER
     D, time, sign = plan[PLAN.D], abs(system.time), -1.0 if system.time < 0.0 else 1.0
     x, is_finite = memory[plan[PLAN.rows] :], time - time == 0.0
-    inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
     for i in range(D):
         is_finite &= x0[i] - x0[i] == 0.0
     if not is_finite or (time == 0.0 and plan[PLAN.event_times] == 0):
@@ -219,15 +217,20 @@ def motion_of_one(system, x0, out, memory):
         for i in range(plan[PLAN.by_starts] * (time == 0.0)):
             out[D + i * plan[PLAN.columns] + i] = 1.0
         return OK if is_finite else NONFINITE
-    state = _begin(system, x0, memory, inputs, x)
-    components, first, implicit = np.int64(0), system.address, plan[PLAN.implicit]
-    tries, end, before = 0, 0.0, state
-    relative = memory[plan[PLAN.state] :]  # not `out`, which may be x0
+    arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
+    tries, end, before = 0, 0.0, np.int64(0)
     while True:
+        _begin(system, x0, memory, tries)
+        components = plan[PLAN.components_again] if tries > 0 else 0
         arguments[SLOT.components] = constants.ctypes.data + 8 * components
-        arguments[SLOT.event_times] = constants.ctypes.data + 8 * plan[PLAN.event_times]
-        code, work = first, plan[PLAN.work]
+        is_relative, state = 0 < tries < _WITHOUT, np.int64(-1)
         while state < _DONE:
+            code, work = system.address, plan[PLAN.work]
+            if is_relative:
+                code = plan[PLAN.first_again]
+            if state == _IMPLICIT:
+                code = plan[PLAN.implicit_again if is_relative else PLAN.implicit]
+                work = plan[PLAN.other]
             arguments[SLOT.work] = memory.ctypes.data + 8 * work
             arguments[SLOT.following] = 0
             is_done = np.int64(0)
@@ -238,42 +241,29 @@ def motion_of_one(system, x0, out, memory):
                 if arguments[SLOT.recorded] == 0:
                     arguments[SLOT.recorded] = written
             state = np.int64(x[plan[PLAN.lane_state]])
-            code, work = first, plan[PLAN.work]
-            if state == _IMPLICIT:
-                code, work = implicit, plan[PLAN.other]
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
         # The motion is computed again, as in `integration`; without relative digits if it ended.
-        tries = _WITHOUT if has_ended else tries + 1
-        end, before = x[plan[PLAN.t]], state
-        for i in range(D):
-            is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
-            relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
-        state = _begin(system, x0, memory, inputs, x)
-        _set_again(system, tries, memory, x, relative)
-        components = plan[PLAN.components_again]
-        if tries == _WITHOUT:
-            first, implicit = system.address, plan[PLAN.implicit]
-        else:
-            first, implicit = plan[PLAN.first_again], plan[PLAN.implicit_again]
+        tries, end, before = _WITHOUT if has_ended else tries + 1, x[plan[PLAN.t]], state
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:
         memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
     if tries == _WITHOUT and state not in (_DONE, _STOPPED) and x[plan[PLAN.t]] <= LATER * end:
         state, memory[plan[PLAN.ended]] = before, sign * end
     if state in (_DONE, _STOPPED):
-        _write(system, state, memory, inputs, out)
+        _write(system, state, memory, out)
     else:
         out[: system.dimension] = np.nan
     return np.int64(STATUS[state])
 
 
 @function
-def _write(system, state, memory, inputs, out):
+def _write(system, state, memory, out):
     """Write the state at the last time, or after the event that ended the motion, to `out`."""
     plan, D, C = system.plan, system.plan[PLAN.D], system.plan[PLAN.columns]
     x, tau, rates = memory[plan[PLAN.state] :], memory, memory
+    inputs = memory[plan[PLAN.inputs] :]
     if state == _STOPPED:  # the event has written the last record
         number = memory[:_ARGUMENTS].view(np.int64)[SLOT.recorded] - 1
         record = memory[plan[PLAN.records] + number * plan[PLAN.size_of_record] + 3 :]

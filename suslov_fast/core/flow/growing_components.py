@@ -6,7 +6,7 @@ grows by itself, its errors grow with it. Then the trajectory is computed again,
 digits of this component (`lost` is RELATIVE) and a closer rtol, because growth increases errors.
 
 `lost` is the relative error that a component carries: the sum of |error / component| over steps in
-which it is small and the error counts (`some_of`). Most steps only compare two products (`ALERTS`);
+which it is small and the error counts (`some_of`). Most steps only compare two products (`alert`);
 a function of its own (`add_watch`) updates `lost`. `lost` becomes 0 if the component is large and
 its error is not, or if components that have their digits feed it: |g_i| > |f_i| / 2, where g is f
 with 0 for all components that have lost digits. At an unstable equilibrium `lost` stays. The alarm
@@ -70,28 +70,26 @@ def _loses(x, new, error, some, lost):
 
 def _rate(new, f_new, signed):
     """Return by how much |new| would grow in a step of the length `signed`."""
-    return (new < 0.0).select(-f_new, f_new) * signed
+    return (new < 0.0).select(-1.0 * f_new, f_new) * signed
 
 
 def _begins_to_grow(x, new, f_new, signed, lost):
     return (lost > 0.0) & ((abs(new) >= abs(x)) | (_rate(new, f_new, signed) > 0.0))
 
 
-@scalar_kernel
-def ALERTS(x, new, error, some, lost, alerts):
-    """Return `alerts` = 1 if a component may lose digits in an explicit step, else `alerts`."""
-    return {"alerts": _loses(x, new, error, some, lost).select(1.0, alerts)}
+def alert(code, i):
+    """Return where component i may lose digits or, in implicit steps, grow without digits."""
+    line, work = code.line, code.work
+    x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
+    own = _loses(x, new, error, _some(code, i), lost)
+    if code.integrator.is_implicit:  # the next step may be too long for the growth
+        own = own | _begins_to_grow(x, new, work.f_new[i], work.signed[0], lost)
+    return own
 
 
-@scalar_kernel
-def ALERTS_IMPLICIT(x, new, f_new, signed, error, some, lost, alerts):
-    """Set `alerts` to 1 if a component may lose digits, or is about to grow without digits.
-
-    In the second case the next step may be too long for the growth.
-    """
-    own = _begins_to_grow(x, new, f_new, signed, lost)
-    own = own | _loses(x, new, error, OF_IMPLICIT * some, lost)
-    return {"alerts": own.select(1.0, alerts)}
+def _some(code, i):
+    some = code.component("some", i)
+    return OF_IMPLICIT * some if code.integrator.is_implicit else some
 
 
 @scalar_kernel
@@ -186,9 +184,7 @@ def add_watch(text, integrator, name, for_each):
         line, work, found = code.line, code.work, Carried(watches=0.0, near=0.0)
         looks = work.alerts[0] > 0.0
         for i in text.each(code.f.of.D, found):
-            some = code.component("some", i)
-            if integrator.is_implicit:
-                some = OF_IMPLICIT * some
+            some = _some(code, i)
             inputs = {"some": some, "implicit": float(integrator.is_implicit)}
 
             def update(i=i, inputs=inputs):

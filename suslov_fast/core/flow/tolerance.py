@@ -14,7 +14,7 @@ from math import sqrt
 from ..expressions.values import larger
 from ..llvm.text import Carried
 from .codegen import larger_of, weighted
-from .growing_components import ALERTS, ALERTS_IMPLICIT
+from .growing_components import alert
 from .scalar_kernels import TINY, scalar_kernel
 
 # OF_CLOCK: a drive that begins at rest is a difference of numbers near 1, and at first noise.
@@ -91,7 +91,7 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 
 
 def find_errors(code, sizes):
-    """Return the sums of `RATIO`, `ALERTS`, `LARGE` and `DIFFERENCES`, and `apart`, by name.
+    """Return the sums of `RATIO`, `LARGE`, `DIFFERENCES`, `alerts` and `apart`, by name.
 
     `apart` is the largest sum d that shows false steps (`step`), relative to allowed errors. The
     row `inverse` gets 1 / allowed errors. `sizes` is from `find_next_state`.
@@ -102,9 +102,7 @@ def find_errors(code, sizes):
     names += [] if integrator.has_atol else ["large"]
     sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
     allowed = ALLOWED_WITH_ATOL if integrator.has_atol else ALLOWED
-    alerts, floor = ALERTS, "floor"
-    if integrator.is_implicit:
-        alerts, floor = ALERTS_IMPLICIT, "floor_implicit"
+    floor = "floor_implicit" if integrator.is_implicit else "floor"
     for (first, count), of_part in zip(integrator.parts, sizes, strict=True):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
@@ -120,7 +118,7 @@ def find_errors(code, sizes):
             aside = work.aside[0] if integrator.is_implicit else 0.0
             found = code.apply(RATIO, i, inverse=inverse, aside=aside, **vars(sums))
             if first == 0:
-                found |= code.apply(alerts, i, alerts=sums.alerts)
+                found["alerts"] = alert(code, i).select(1.0, sums.alerts)
             if not integrator.has_atol:
                 own_sums = {"inverse": inverse, "large": sums.large, "noisy": inputs["noisy"]}
                 found |= code.apply(LARGE, i, **own_sums)

@@ -69,7 +69,7 @@ def ensemble(
         A single system, or a batch.
     x0 : array_like(float, shape=(..., N, D)) or callable
         Initial states; or a function x0(k) that returns the initial states (..., n, D) of chunk k,
-        with the same n for all chunks. A store is continued if its ``x0(0)`` is the same.
+        with the same n for all chunks. A call that continues a store compares only ``x0(0)``.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a store of Zarr.
     time, eps, steps : optional

@@ -116,8 +116,8 @@ def modified_energy(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> FloatAr
 
     For a body with the energy E it is E**2 / (E + eps**2 S / 8), where S is the sum of J_i f_i**2;
     in three dimensions J = (I1, I2). The map conserves it exactly if the body has a known
-    ``first_integral`` F: in three dimensions the modified energy is 2 I1 I2 F. For other bodies it
-    varies by an error of order eps**4.
+    ``first_integral`` F: in three dimensions the modified energy is 2 I1 I2 F. For other bodies the
+    modified energy varies, by an amount of order eps**4.
 
     Methods of higher order do not conserve it, because they combine steps of several sizes.
 

@@ -89,32 +89,24 @@ _MESSAGES = {
 class IntegrationWarning(RuntimeWarning):
     """Some trajectories of a batch ended early, left the motion, or lost digits.
 
-    - **They failed**: `status` is negative, and states are NaN from the number `failed_at` of a run
-      on. :class:`Status` lists the causes. Other trajectories are not affected. With
+    - **They failed**: `status` is negative, and states of a run are NaN from number `failed_at` on.
+      :class:`Status` lists the causes. Other trajectories are not affected. With
       ``on_singular="raise"`` :func:`iterate` raises a :class:`SingularStepError` instead.
-    - **They passed a pole of the map**, or eps is too large for them. If the motion escapes to
-      infinity, the map passes a pole and returns from the other side. There are two signs of this.
-      A trajectory took a step from a state x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x);
-      then eps mu / 2 > 1 for an odd number of real eigenvalues mu of f'. Or a component that is a
-      factor of its own equation, such as a population, changed its sign, which is impossible along
-      the motion. An even number of eigenvalues is not detected, so a run without a warning may have
-      passed poles, too.
+    - **They passed a pole of the map**: the motion escapes to infinity, from where the map returns
+      on the other side, or eps is too large. A pole is detected in two ways. In a step from a state
+      x where det A(x) < 0, with A(x) = 1 - (eps / 2) f'(x), an odd number of real eigenvalues mu of
+      f' have eps mu / 2 > 1. Or a component that is a factor of its own equation, such as a
+      population, changes its sign, which is impossible along the motion. An even number of these
+      eigenvalues is not detected, so a run without a warning may have passed poles, too.
 
       These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
       run is the number of the first state after such a step, and `valid` is True before it. Later
       states belong to the map. They approximate the motion only if the orbit does not move along
       the eigenvector of mu. Methods of order 4 to 8 have sub-steps backwards in time, in which a
       mode that decays fast looks like a pole.
-    - **Solutions of** :func:`flow` **end** before the last time, or a component has lost its
-      digits. One warning counts them, and names the first time.
+    - **Solutions of** :func:`flow` **end** before the last time, or lose the digits of a component.
+      One warning counts these solutions, and names the first trajectory.
     """
-
-
-def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> str:
-    """Return in words how many trajectories failed, and how many passed a pole, if any."""
-    passed = np.count_nonzero(first_pole >= 0)
-    text = f"failed: {np.count_nonzero(status < 0)} of {status.size}"
-    return f"{text}, passed a pole: {passed}" if passed else text
 
 
 def ended_in_words(status: NDArray[np.int8]) -> str:

@@ -15,7 +15,7 @@ from ..core.cached import cached_property
 from ..core.maps.stages import WHOLE
 from ..keywords import public
 from ..maps.map_records import Discretization
-from ..results.result import States, in_short, read_only
+from ..results.result import States, read_only
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,5 +115,11 @@ class Trajectories(States):
     def __repr__(self) -> str:
         n = self.n
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
-        states = f"states: {self.states.shape}"
-        return f"Trajectories({states}, n: {steps}, {in_short(self)})"
+        parts = [f"states: {self.states.shape}", f"n: {steps}"]
+        if self.body._has_eps:
+            low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
+            parts.append(f"eps: {low:g} ... {high:g}" if low < high else f"eps: {low:g}")
+        parts.append(f"failed: {np.count_nonzero(self.status < 0)} of {self.status.size}")
+        if passed := np.count_nonzero(self.first_pole >= 0):
+            parts.append(f"passed a pole: {passed}")
+        return f"Trajectories({', '.join(parts)})"

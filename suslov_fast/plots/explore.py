@@ -187,11 +187,11 @@ def explore(
     x0 : array_like(float, shape=(D,)), optional
         The initial state, by default (1, 1/2, 1/3, ...). Its first 20 components have sliders.
     eps : float, optional
-        Step size of Kahan's map, by default 0.2 for a body.
+        Step size of Kahan's map, by default 0.2.
     steps : int, optional
         Number of steps of the map, by default 500.
     time : float, optional
-        Last time of the motion, by default 20 for a field.
+        Last time of the motion, by default 20.
     port : int
         The port of this machine that serves the page, by default a free one.
 

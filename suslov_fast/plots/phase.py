@@ -98,7 +98,7 @@ def plot_phase(
         A single body, with I13 or I23 other than 0, or a rotor.
     eps : float, optional
         Positive step size for which :meth:`Suslov3D.criticality` is below 1 in the whole figure. By
-        default it is about 0.2 in the corners.
+        default the criticality is about 0.2 in the corners.
     extent : float
         The figure shows angular velocities from -extent to extent.
     levels : int

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, short, warn, wrong
 from ..keywords import lacking, public
-from ..status import count_in_words
 from .schema import OF_KIND
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ T = TypeVar("T", bound=np.generic)
 class Result:
     """The base of the results of runs: frozen dataclasses with read-only arrays.
 
-    Subclasses have the attributes `states` and `body`; results of a map also `map` and `eps`.
+    Subclasses have the attributes `states` and `body`. Results of a map also have `map` and `eps`.
     """
 
     states: FloatArray
@@ -141,9 +140,9 @@ class Result:
         Returns
         -------
         pandas.DataFrame
-            Columns are "trajectory", the number in ``status.ravel()``, if there are several; "n"
-            for a map; "which" for events; "time"; parameters that vary; and the components of the
-            state.
+            Its columns are "trajectory", the index in ``status.ravel()``, if there are several
+            trajectories; "n", the number of the step, for a map; "which", the number of the event,
+            for events; "time"; parameters that vary; and the components of the state.
 
         Examples
         --------
@@ -163,7 +162,7 @@ class Result:
         Parameters
         ----------
         path : str or path-like
-            A name that ends in .npz. The file appears under it only when it is complete.
+            A name that ends in .npz. The file gets this name when it is complete.
         overwrite : bool
             True replaces an existing file.
 
@@ -219,24 +218,24 @@ class States(Result):
         """Draw the states over two components, over time, or in space (extra `plots`).
 
         For a chain of many variables ``ax.imshow(run.states, aspect="auto")`` draws a picture over
-        space and time. A single motion with one or two times gives no more than dots, and a
-        warning.
+        space and time. A single motion at one or two times is drawn as dots, with a warning.
 
         Parameters
         ----------
         *names : int, str or list of these
-            The components to draw: two or three indices or labels, or "time"; by default the first
-            two components. Three are drawn in space. ``run.plot("x1")`` draws one component over
-            time, ``run.plot("time", ["x1", "x3"])`` several, and ``run.plot("time")`` all.
+            The components to draw: two or three indices or names, also "time"; by default the first
+            two components. Three components are drawn in space. ``run.plot("x1")`` draws one
+            component over time, ``run.plot("time", ["x1", "x3"])`` draws two, and
+            ``run.plot("time")`` draws all.
         lines : bool, optional
             True joins consecutive states by lines, False draws dots. By default states are joined
             if they are at most 100,000 and lie close together.
         color : str or array_like(float, shape=(...)), optional
-            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib.
-            ``color=run.energy()[0]`` shows levels. By default colours show the parameter of a
-            family; other orbits have different colours, and up to 8 are in a legend. Several
-            components over time have a colour each. A second parameter that varies has line styles,
-            or is named beside the colour bar.
+            A parameter that varies or "eps" by name; a number for each trajectory, as
+            ``run.energy()[0]``; or a colour of Matplotlib. By default colours show the parameter of
+            a family. Without a family trajectories have different colours, and up to 8 are in a
+            legend. If several components are drawn over time, each has a colour. Line styles, or
+            the label of the colour bar, show a second parameter that varies.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on, 3-D axes for three components; by default axes of a new figure.
         label : str, optional
@@ -311,9 +310,9 @@ class States(Result):
         -------
         xarray.Dataset
             Its dimensions are "n" for a run of a map or "time" for a motion, the axes of the batch,
-            and "component". If a single parameter or "eps" varies along an axis of the batch, the
-            axis has its name and its values, as in ``data.sel(eps=0.2)``. Other axes are
-            "trajectory", or "batch_0", "batch_1", ...
+            and "component". If parameters or eps vary along a single axis, the axis has the name
+            and the values of the first of them, as in ``data.sel(eps=0.2)``. Other axes are
+            "trajectory" or, if the batch has several axes, "batch_0", "batch_1", ...
 
         Examples
         --------
@@ -375,16 +374,6 @@ def read_only(array: NDArray[T]) -> NDArray[T]:
     """Make an array read-only, and return it."""
     array.flags.writeable = False
     return array
-
-
-def in_short(result: Any) -> str:
-    """Return the step sizes and the number of failures of a result, as text."""
-    failures = count_in_words(result.status, result.first_pole)
-    if not result.body._has_eps:
-        return failures
-    low, high = np.min(result.eps, initial=np.inf), np.max(result.eps, initial=-np.inf)
-    eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
-    return f"eps: {eps}, {failures}"
 
 
 def _equal(a: Any, b: Any) -> bool:

@@ -38,7 +38,7 @@ class _Parser(argparse.ArgumentParser):
         if "unrecognized" in message:
             known = re.findall(r"--[\w-]+", self.format_usage())
             words = re.findall(r" (-[^\s=]+)", message)
-            near = {word: get_close_matches(word, known, 1) for word in words}
+            near = {word: get_close_matches(word, known, 1, 0.75) for word in words}
             message += "".join(f"; for {word} use {name}" for word in words for name in near[word])
             if not words:
                 message += "; lists have commas, --x0 1,0.5, and texts quotation marks"

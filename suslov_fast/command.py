@@ -117,6 +117,12 @@ def run(options: argparse.Namespace) -> int:
         times = np.linspace(0.0, options.time, options.points or 101)
         compute = partial(sf.flow, system, states, time=times, **chosen)
     else:
+        try:
+            _ = system._field.terms
+        except TypeError as error:
+            raise ValueError(f"{error}; here add --time T") from None
+        if eps is None:
+            raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
         chosen = {"steps": 1000, "save_every": None, "on_singular": "ignore", **chosen}
         compute = partial(sf.iterate, system, states, eps, **chosen)
     seconds = math.inf

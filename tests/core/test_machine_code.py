@@ -9,7 +9,7 @@ import weakref
 import children
 import numpy as np
 import pytest
-from systems import chain as volterra
+from systems import chain as volterra, lorenz
 
 import suslov_fast as sf
 from suslov_fast.core.llvm import compiler as machine_code
@@ -20,11 +20,7 @@ from suslov_fast.maps import batch, derivatives
 pytestmark = pytest.mark.compiled
 
 
-def of_a(x, a):
-    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - a * x[1], x[0] * x[1] - 2.5 * x[2]
-
-
-FIELD = sf.Field(of_a, 3, a=1)
+FIELD = sf.Field(lorenz, 3, rho=28)
 PENDULUM = sf.Field(lambda x: (x[1], -np.sin(x[0]) - np.tanh(x[1])), 2)
 
 
@@ -112,7 +108,7 @@ def test_other_ways_to_compute_a_step(rng, monkeypatch, anew, way):
     terms = [rng.normal(size=(5,) * n) for n in (3, 2, 1)]
 
     def found():
-        dense, chain = sf.Field.from_terms(*terms), sf.Field(of_a, 3, a=1)  # fields keep calls
+        dense, chain = sf.Field.from_terms(*terms), sf.Field(lorenz, 3, rho=28)  # fields keep calls
         for field, x, eps, steps, method in (
             (sf.Field(volterra, 5), abs(x0), 0.2, 60, "order4"),
             (dense, x0[:7], 0.1, 3, "auto"),
@@ -153,7 +149,7 @@ def test_old_codes_are_freed(monkeypatch, anew):
 @pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
     """A run, exponents and the system of a user keep theirs while `progress` compiles others."""
-    field, x0 = sf.Field(of_a, 3, a=1), rng.normal(size=(9, 3))
+    field, x0 = sf.Field(lorenz, 3, rho=28), rng.normal(size=(9, 3))
     system, x = sf.compiled.system(field, 0.02), x0[0].copy()
 
     def compile_others(done, steps):
@@ -191,7 +187,7 @@ print(x.tobytes().hex())
 
 @pytest.mark.slow
 def test_a_system_in_another_process_has_its_own_address():
-    field = sf.Field(of_a, 3, a=1)
+    field = sf.Field(lorenz, 3, rho=28)
     system = sf.compiled.system(field, 0.01)
     text = children.run(PICKLED, pickle.dumps(system).hex())
     run = sf.iterate(field, [1.0, 2.0, 20.0], 0.01, 50)

@@ -10,9 +10,8 @@ import suslov_fast as sf
 OSCILLATOR = sf.Field(lambda x: (x[1], -x[0]), "q p")
 
 
-def of_oscillator(start, surface="q", **arguments):
-    arguments = {"direction": "up"} | arguments
-    return sf.crossings(OSCILLATOR, start, surface, **arguments)
+def of_oscillator(start, surface="q", direction="up", **arguments):
+    return sf.crossings(OSCILLATOR, start, surface, direction=direction, **arguments)
 
 
 def test_ripples_that_a_step_does_not_see(rng):

@@ -52,8 +52,7 @@ def test_has_the_bits_of_flow(name, others):
     first = system(field, time=1.0, events=events, **others)
     out, memory = np.empty(len(x0)), work(first)
     for time in times:
-        own = first
-        own = system(field, time=time, events=events, **others) if time < 0 else own
+        own = system(field, time=time, events=events, **others) if time < 0 else first
         own = with_time(own, time)
         motion = sf.flow(field, x0, time=time, events=events, **others)
         for _ in range(2):  # the memory is as good as new

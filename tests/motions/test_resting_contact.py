@@ -180,10 +180,8 @@ def test_balls_without_restitution_stay_above_tables_that_throw_them(rng):
     """Each hit ends on the surface with ds/dt = 0; the next flight may be shorter than a step."""
     n = 300
     w = rng.uniform(0.3, 3.0, n)
-    A, c = (
-        rng.uniform(0.0, 4.0, n) / w**2,
-        rng.choice([0.0, 1.0, 1000.0], n) * rng.uniform(0.5, 1, n),
-    )
+    A = rng.uniform(0.0, 4.0, n) / w**2
+    c = rng.choice([0.0, 1.0, 1000.0], n) * rng.uniform(0.5, 1, n)
     phase = rng.uniform(0.0, 6.0, n)
     ball = Field(lambda s, A, w, c, p: (s[1], -1.0, 1.0), "h v t", A=A, w=w, c=c, p=phase)
     hit = Event(lambda s, A, w, c, p: s[0] - (c + A * np.sin(w * s[2] + p)), direction=-1,

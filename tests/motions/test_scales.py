@@ -91,14 +91,11 @@ def test_components_that_are_0_but_for_rounding(options):
 @pytest.mark.parametrize("options", [{}, {"stiff": True}, {"rtol": 1e-11}])
 def test_a_rate_that_is_rounding_beside_a_relaxation(options):
     """e' is 0 but for rounding; trajectories look for that at steps of their own."""
-    cycles = field(
-        lambda s, k: (
-            *van_der_pol(s, k),
-            k * (1 - s[0] ** 2) * s[1] - k * s[1] + k * s[0] ** 2 * s[1],
-        ),
-        "x v e",
-        k=np.linspace(1.0, 40.0, 8),
-    )
+
+    def rates(s, k):
+        return *van_der_pol(s, k), k * (1 - s[0] ** 2) * s[1] - k * s[1] + k * s[0] ** 2 * s[1]
+
+    cycles = field(rates, "x v e", k=np.linspace(1.0, 40.0, 8))
     motion = sf.flow(cycles, [2.0, 0.0, 0.0], time=30.0, **options)
     assert (abs(motion.states[..., 2]) < 2e-13).all()
     assert (motion.steps < 4000).all()

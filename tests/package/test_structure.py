@@ -157,13 +157,9 @@ def test_names_in_ticks_are_there():
         assert is_file or parts[0] in OF_OBJECTS or {*parts} <= words, name
 
 
-COMPILING = [
-    PACKAGE / "core/llvm/compiler.py",
-    *(
-        PACKAGE / f"core/numba/{name}.py"
-        for name in ("decorators", "threads", "interrupts", "cache", "arrays", "intrinsics")
-    ),
-]
+OF_NUMBA = "decorators threads interrupts cache arrays intrinsics".split()
+COMPILING = [PACKAGE / "core/llvm/compiler.py"]
+COMPILING += [PACKAGE / f"core/numba/{name}.py" for name in OF_NUMBA]
 
 
 def test_numba_is_chosen_in_one_file():

@@ -36,14 +36,13 @@ _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger c
 class Passage(NamedTuple):
     """Orders in t of the images of germs c + t v, where c is a point of a contracted curve.
 
-    They are listed from the image after k = 1 step to the last one at a point without an image.
+    Image k is the image after k = 1, 2, ... steps. The orders end with the last image that begins
+    at a point without an image.
     """
 
     common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1
-    curve_orders: tuple[
-        tuple[int, ...], ...
-    ]  # order of each contracted curve's equation at image k
-    steps: int | None  # the k of the first images on a curve again; None if there are none
+    curve_orders: tuple[tuple[int, ...], ...]  # of each contracted curve's equation at image k
+    steps: int | None  # the first k for which images are on a curve again; None without any
     endless: bool = False  # True if no last point without an image was found
 
 
@@ -219,7 +218,7 @@ _NUMBERS = range(1, 9)  # numbers that are tried in place of s
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     """Return True if the orders in the `passage` of curve `number` are proved to be exact.
 
-    They were found modulo primes. There an order is never too small, so an order 0 is exact.
+    The orders were found modulo primes, where they are never too small. So an order 0 is exact.
     """
     if not passage.common_orders:
         return passage.steps is None
@@ -319,10 +318,10 @@ class _Germs:
         return orders, germ
 
     def have_multiplicities(self, passage: Passage) -> bool:
-        """Return True if each order in `passage` is the multiplicity of a polynomial at a point.
+        """Return True if the orders in `passage` are multiplicities of polynomials at the orbit.
 
-        Such orders are exact. Derivatives of lower orders are 0, and only the last point of the
-        orbit has no image.
+        Such orders are exact. The tests are that derivatives of lower order are 0 at these points,
+        and that only the last point has no image.
         """
         x, steps = self._point, len(passage.common_orders)
         if any(passage.common_orders[:-1]) or passage.steps is None:

@@ -213,7 +213,7 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield the cofactors of polynomials of this degree: the map's factors, and its denominator.
+    """Yield the cofactors of the polynomials of this degree among the map's factors and F_0.
 
     `candidate_cofactors` may lack them, because these polynomials need not divide their pullbacks.
     """
@@ -273,7 +273,7 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield c * candidate for each constant c with which it is a cofactor, up to this degree.
+    """Yield c * candidate for each constant c that makes it the cofactor of a polynomial.
 
     The constants are the eigenvalues of the linear operator P -> P(Phi) / candidate.
     """
@@ -301,7 +301,7 @@ def _divisors(
     """Yield exponents of `factors` for which the product of powers divides some P(F_1, ..., F_0).
 
     P and the quotient are homogeneous of this degree, and F_i are the forms of the map. If
-    `at_infinity`, a power of the last coordinate may divide it, too; this power is not yielded.
+    `at_infinity`, the product may also contain a power of the last coordinate, not yielded.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -339,7 +339,7 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, free: int) -> Iterator[tuple[int, ...]]:
-        """Yield exponents that begin with `powers`, with a product of degree `free` of the others.
+        """Yield the exponents that begin with `powers`; the others have products of degree `free`.
 
         `system` are the linear equations for P that `powers` imply.
         """

@@ -37,8 +37,8 @@ class Contraction:
     """A curve that a map contracts to a point, and the orbit of this point.
 
     Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
-    `length` is the number of points from the image of the curve to the point that has no image;
-    otherwise it is None. `how` says how this was decided, and `proved` whether it is a proof.
+    the orbit ends at a point without an image, and `length` is the number of its points; otherwise
+    `length` is None. `how` says how this was decided, and `proved` whether it is a proof.
     """
 
     curve: str
@@ -58,10 +58,10 @@ class Contraction:
 class PlanarEntropy:
     """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.
 
-    The entropy is the logarithm of the largest root of `polynomial`. This is the characteristic
-    polynomial of the action on the plane blown up at the points of confined orbits. `minimal` is
-    the factor with this root. `degrees` are the degrees of the first iterates, as the curves in
-    `contractions` give them. `proved` is True if the entropy is proved; `based_on` says by what.
+    The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
+    of the map's action on curves, after the points of confined orbits are blown up. `minimal` is
+    the irreducible factor with this root. `degrees` are the degrees of the first iterates, as they
+    follow from `contractions`. `proved` is True if the entropy is proved; `based_on` says by what.
     Without an entropy, `reason` says why.
     """
 
@@ -203,8 +203,8 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
 def why_never(plane: Plane, number: int, passage: Passage) -> str:
     """Return why the orbit of contracted curve `number` never ends; "" if that is not proved.
 
-    An orbit ends at a point without an image. If it is periodic modulo a small prime, and all its
-    points have images there, it never ends.
+    An orbit ends at a point without an image. An orbit that is periodic modulo a small prime, with
+    images of all its points, never ends.
     """
     for p in _SMALL_PRIMES:
         rng = random.Random(p)
@@ -220,7 +220,7 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
 def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
     """Return True if the orbit of curve `number` modulo a prime is periodic, with all images.
 
-    It is the residue of an exact orbit: it begins at a smooth point of the curve, which is the
+    The orbit is the residue of an exact one: it begins at a smooth point of the curve, which is the
     residue of a p-adic point of the curve, and its orders must be those in `passage`.
     """
     if any(P == 0 for P in (*residues.forms, residues.curves[number])):

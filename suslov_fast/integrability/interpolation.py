@@ -217,7 +217,7 @@ class Line:
     def quotient(self, values: Sequence[int], lowest: int = -1) -> Any:
         """Return the polynomials (N, D) of least degrees such that N / D has these values; or None.
 
-        None if the values are too few to be sure, or the degree of N is at most `lowest`.
+        The result is None if the values are too few, or if N has at most the degree `lowest`.
         """
         column = flint.nmod_mat(len(values), 1, list(values), self.p)
         N = flint.nmod_poly([*map(int, (self._from_values * column).entries())], self.p)

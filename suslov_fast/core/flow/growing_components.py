@@ -1,16 +1,15 @@
 """The alarm: a component has become small, has lost its digits, and grows again by itself.
 
 Without `atol` a step may have errors that are large beside a small component. These do no harm if
-the component decays for good, or if other components feed it, that is, make most of its rate. If it
-grows by itself, its errors grow with it. Then the trajectory is computed again, with relative
-digits of this component (`lost` is RELATIVE) and a closer rtol, because growth increases errors.
+the component decays for good, or if other components feed it, that is, make most of its rate. If
+the component grows by itself, its errors grow with it. Then the trajectory is computed again, with
+relative digits of this component (`lost` is RELATIVE) and a closer rtol.
 
 `lost` is the relative error that a component carries: the sum of |error / component| over steps in
-which it is small and the error counts (`some_of`). Most steps only compare two products (`alert`);
-a function of its own (`add_watch`) updates `lost`. `lost` becomes 0 if the component is large and
-its error is not, or if components that have their digits feed it: |g_i| > |f_i| / 2, where g is f
-with 0 for all components that have lost digits. At an unstable equilibrium `lost` stays. The alarm
-comes
+which the component is small and the error is above `some_of`. Most steps only compare two products
+(`alert`); a function of its own (`add_watch`) updates `lost`. It becomes 0 if the component is
+large and its error is not, or if components with digits feed it: |g_i| > |f_i| / 2, where g is f
+with 0 for all components without digits. At an unstable equilibrium `lost` stays. The alarm comes
 
 - if the component grows, and its error is `many` allowed errors, or DEEP of its size;
 - if components below their allowed errors are about to grow. Implicit steps damp exp(a t) to

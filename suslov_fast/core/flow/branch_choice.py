@@ -21,7 +21,6 @@ from ..expressions.tables import Table, is_table
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Intervals
 from . import dense_output
-from .codegen import StepCode
 from .memory import LaneState
 from .scalar_kernels import AT_ONCE, scalar_kernel
 
@@ -83,20 +82,18 @@ def TRACE(before, after, jumps, u):
     return {"change": (jumps > 0.0).select(of_jump, 0.0)}
 
 
-def add_branches(text, integrator, name, for_each):
-    """Add the function void choose(arguments): branches at the state `new`, in lanes `chooses`."""
-    with text.function(f"{name}_choose", ("arguments",)):
-        code = StepCode(text, integrator, name, for_each)
-        work, branches, f = code.work, integrator.f.branches, integrator.f.of
-        code.call("branches", work.new, code.table, work.chosen)
-        truth = work.chooses[0] > 0.0
-        _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
-        derived = f.derived.results  # numbers of the table that depend on branches
-        if derived:
-            code.call("derived", code.table, code.table, work.derived)
-            places, table = text.constants([f.places[a] for a in derived]), text.array(code.table)
-            for k in text.each(len(derived)):
-                table.choose(truth, places[k], work.derived[k])
+def choose_branches(code):
+    """Choose the branches of f at the state `new`, in lanes where the row `chooses` is 1."""
+    text, work, branches, f = code.text, code.work, code.f.branches, code.f.of
+    code.call("branches", work.new, code.table, work.chosen)
+    truth = work.chooses[0] > 0.0
+    _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
+    derived = f.derived.results  # numbers of the table that depend on branches
+    if derived:
+        code.call("derived", code.table, code.table, work.derived)
+        places, table = text.constants([f.places[a] for a in derived]), text.array(code.table)
+        for k in text.each(len(derived)):
+            table.choose(truth, places[k], work.derived[k])
 
 
 def update_branches(code, truth, by_motion=False):

@@ -16,7 +16,7 @@ from math import inf, prod
 import numpy as np
 
 from ..llvm.text import Carried, Integers, Shared, Value
-from .codegen import StepCode, larger_of, weighted
+from .codegen import larger_of, weighted
 from .memory import LaneState
 from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
@@ -55,16 +55,14 @@ def WITH_SIGN(value, x, keeps):
     return {"value": (keeps > 0.0).select(signed, value)}
 
 
-def add_between(text, integrator, name, for_each):
-    """Add the function void between(arguments), which saves states at times within a step."""
-    with text.function(f"{name}_between", ("arguments",)):
-        code = StepCode(text, integrator, name, for_each)
-        _find_nodes(code)
-        for now in text.rounds(Carried()):
-            quarters = 4.0 * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
-            _put_between(code, weights_at(quarters))
-            save(code, _passed(code, Value.__gt__).bits(), code.work.start)
-            now.goes_on = _passed(code, Value.__gt__).any()
+def save_between(code):
+    """Save states at times within a step, by interpolation."""
+    _find_nodes(code)
+    for now in code.text.rounds(Carried()):
+        quarters = 4.0 * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
+        _put_between(code, weights_at(quarters))
+        save(code, _passed(code, Value.__gt__).bits(), code.work.start)
+        now.goes_on = _passed(code, Value.__gt__).any()
 
 
 def save_states(code):

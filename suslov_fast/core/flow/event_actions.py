@@ -15,7 +15,6 @@ from ..expressions.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
-from .codegen import StepCode
 from .event_records import record
 from .growing_components import RAISED
 from .memory import LaneState
@@ -192,24 +191,22 @@ def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, l
     }
 
 
-def add_actions(text, integrator, name, for_each):
-    """Add the function void change(arguments): events act on the state `new` of accepted steps."""
-    with text.function(f"{name}_change", ("arguments",)):
-        code = StepCode(text, integrator, name, for_each)
-        work, events = code.work, integrator.events
-        is_there, is_at_stop = _is_there(code), _is_at_stop(code)
-        work.actions_now[0] = 0.0
-        for i in text.each(code.D):  # the largest moduli include states before an action
-            code.keep_largest(is_there, i, work.new[i])
-        for c in text.each(code.f.columns):
-            work.tau[c] = 0.0
-        if events.at_times:
-            with text.when(is_at_stop.any()):
-                _act_at_times(code)
-        again = Carried(more=0.0, limit=inf)
-        if events.surfaces:
-            _act_at_surfaces(code, is_there, is_there & ~is_at_stop, again)
-        _go_on(code, is_at_stop, again)
+def change(code):
+    """Let events act on the state `new`, in lanes where the row `accepted` is 1."""
+    text, work, events = code.text, code.work, code.integrator.events
+    is_there, is_at_stop = _is_there(code), _is_at_stop(code)
+    work.actions_now[0] = 0.0
+    for i in text.each(code.D):  # the largest moduli include states before an action
+        code.keep_largest(is_there, i, work.new[i])
+    for c in text.each(code.f.columns):
+        work.tau[c] = 0.0
+    if events.at_times:
+        with text.when(is_at_stop.any()):
+            _act_at_times(code)
+    again = Carried(more=0.0, limit=inf)
+    if events.surfaces:
+        _act_at_surfaces(code, is_there, is_there & ~is_at_stop, again)
+    _go_on(code, is_at_stop, again)
 
 
 def act(code):

@@ -7,7 +7,7 @@ relative digits of this component (`lost` is RELATIVE) and a closer rtol.
 
 `lost` is the relative error that a component carries: the sum of |error / component| over steps in
 which the component is small and the error is above `some_of`. Most steps only compare two products
-(`alert`); a function of its own (`add_watch`) updates `lost`. It becomes 0 if the component is
+(`alert`); a function of its own (`find_alarms`) updates `lost`. It becomes 0 if the component is
 large and its error is not, or if components with digits feed it: |g_i| > |f_i| / 2, where g is f
 with 0 for all components without digits. At an unstable equilibrium `lost` stays. The alarm comes
 
@@ -26,7 +26,6 @@ from math import inf
 
 from ..expressions.values import larger
 from ..llvm.text import Carried
-from .codegen import StepCode
 from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
@@ -176,29 +175,27 @@ def RAISED(before, new, some, lost):
     return {"lost": (lost > 0.0).select((now > some).select(now, 0.0), lost)}
 
 
-def add_watch(text, integrator, name, for_each):
-    """Add the function void small(arguments): update `lost` where `alerts` is 1; find alarms."""
-    with text.function(f"{name}_small", ("arguments",)):
-        code = StepCode(text, integrator, name, for_each)
-        line, work, found = code.line, code.work, Carried(watches=0.0, near=0.0)
-        looks = work.alerts[0] > 0.0
-        for i in text.each(code.f.of.D, found):
-            some = _some(code, i)
-            inputs = {"some": some, "implicit": float(integrator.is_implicit)}
+def find_alarms(code):
+    """Update `lost` in lanes where the row `alerts` is 1, and find alarms."""
+    text, line, work, found = code.text, code.line, code.work, Carried(watches=0.0, near=0.0)
+    looks = work.alerts[0] > 0.0
+    for i in text.each(code.f.of.D, found):
+        some = _some(code, i)
+        inputs = {"some": some, "implicit": float(code.integrator.is_implicit)}
 
-            def update(i=i, inputs=inputs):
-                own = code.apply(LOST, i, **inputs, **vars(found))
-                line.lost.choose(looks, i, own.pop("lost"))
-                return list(own.values())
+        def update(i=i, inputs=inputs):
+            own = code.apply(LOST, i, **inputs, **vars(found))
+            line.lost.choose(looks, i, own.pop("lost"))
+            return list(own.values())
 
-            x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
-            concerns = (lost > 0.0) | _loses(x, new, error, some, lost)
-            values = text.otherwise(~concerns.any(), [found.watches, found.near], update)
-            found.watches, found.near = values
-        line.watches.choose(looks, 0, found.watches)
-        looks = looks & (found.near > 0.0)
-        with text.when(looks.any(), likely=False):
-            _look(code, looks)
+        x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
+        concerns = (lost > 0.0) | _loses(x, new, error, some, lost)
+        values = text.otherwise(~concerns.any(), [found.watches, found.near], update)
+        found.watches, found.near = values
+    line.watches.choose(looks, 0, found.watches)
+    looks = looks & (found.near > 0.0)
+    with text.when(looks.any(), likely=False):
+        _look(code, looks)
 
 
 def watch(code, alerts, on_trial):

@@ -74,7 +74,7 @@ def rows_of_trajectory(integrator):
         watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
         inner=1,  # in a search for a surface: length of a step that does not cross it
         outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
-        weight=1,  # Illinois rule: weight of the end at `inner`, or minus that of the end at `outer`
+        weight=1,  # Illinois rule: weight of the end at `inner`, or minus the weight at `outer`
         rounds=1,  # number of lengths that a search for a surface has tried
         whole=1,  # length of the next step after a search
         place=1,  # number of the next requested time, an integer

@@ -1,15 +1,13 @@
 """The text of the machine code of an integrator: a loop of steps (`step`) of lines of lanes.
 
-`codegen` has the arrays that all parts read and write, and `llvm.text` the operations.
+`codegen` has the arrays that all parts read and write, and `llvm.text` the operations. Parts that
+most steps skip are functions of their own: LLVM's time grows faster than the length of a function.
 """
 
 from ..llvm.text import Carried, Code
-from .branch_choice import add_branches
+from . import branch_choice, dense_output, event_actions, growing_components
 from .codegen import StepCode
-from .dense_output import add_between
-from .event_actions import add_actions
 from .gragg import ExplicitColumns
-from .growing_components import add_watch
 from .lanes import pause_if_spent, take_next
 from .linearly_implicit import ImplicitColumns
 from .step import take_step
@@ -30,13 +28,16 @@ def text_of_integrator(integrator, name, W, for_each):
     explicit = StormerColumns if integrator.sets else ExplicitColumns
     columns = ImplicitColumns if integrator.is_implicit else explicit
     columns(text, integrator, name, for_each).add()
-    add_watch(text, integrator, name, for_each)
+    parts = {"small": growing_components.find_alarms}
     if integrator.f.branches:
-        add_branches(text, integrator, name, for_each)
+        parts["choose"] = branch_choice.choose_branches
     if integrator.events:
-        add_actions(text, integrator, name, for_each)
+        parts["change"] = event_actions.change
     if not integrator.is_implicit:
-        add_between(text, integrator, name, for_each)
+        parts["between"] = dense_output.save_between
+    for part, add in parts.items():
+        with text.function(f"{name}_{part}", ("arguments",)):
+            add(StepCode(text, integrator, name, for_each))
     text.begin(name, "arguments")
     code = StepCode(text, integrator, name, for_each)
     taken = code.work.taken

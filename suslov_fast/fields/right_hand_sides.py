@@ -122,7 +122,7 @@ def of_equations(
 def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
     """Return the table (n,) of f for parameters (P,); after many calls by machine code."""
     if not f.fixed:
-        return given if f.has_own_table else given[[number - f.D for number in f.table]]
+        return given[[number - f.D for number in f.table]]
     table = by_code_if_often(f, "table", given)
     return f.table_of(given) if table is None else table
 

@@ -147,7 +147,7 @@ class Sliding:
     def texts(self) -> tuple[str, ...]:
         """Return the surfaces of modes as texts: surfaces of f, then of contacts."""
         equations = self.system._equations
-        pairs = [tuple(map(equations.shown, pair)) for pair in self.modes.pairs]
+        pairs = [tuple(map(equations.shown, pair)) for pair in self.modes.pairs.values()]
         of_f = (a if b == "0" else f"{a} - ({b})" if " " in b else f"{a} - {b}" for a, b in pairs)
         touching = [traced(self.events[k], self.system) for k in self.contacts]
         return *of_f, *(each.tracer.text(each.surface) for each in touching)

@@ -327,3 +327,23 @@ def test_events_on_the_surface_of_sliding_are_no_rounding(at):
     soon = slow & (abs(x) < 20 * (k - abs(c * y)))  # before 30
     right = 0.7 * y * np.exp(-6.0)
     np.testing.assert_allclose(motion.states[0, soon, 1], right[soon], rtol=1e-7)
+
+
+@pytest.mark.parametrize("level", [2.0, 2.0 + 2.0**-30])
+def test_constants_are_no_numbers_of_variables(level):
+    """z is variable number 2, and the surfaces y = 2.0 and y = z are not one."""
+    field = Field(
+        lambda s: (1.0, 0.2 * s[0] - 1.5 * np.sign(s[1] - level) - np.sign(s[1] - s[2]), 0.3),
+        "x y z",
+    )
+    motion = flow(field, [0.0, 0.5, 4.0], time=[2.0, 3.0, 20.0])
+    left = level + 0.1 * (3.0 - 2.5) ** 2
+    np.testing.assert_allclose(motion["y"][:2], [level, left], rtol=1e-9)
+    assert "y - z" in motion.phases.surface
+
+
+def test_a_quotient_beside_a_modulus():
+    """|x| is value number 3; y / 3 is no quotient by this value."""
+    field = Field(lambda s: (-abs(s[0]), s[1] / 3.0, -np.sign(s[2])), "x y z")
+    final = flow(field, [1.0, 2.0, 3.0], time=4.0).final
+    np.testing.assert_allclose(final, [np.exp(-4.0), 2.0 * np.exp(4 / 3), 0.0], atol=1e-8)

@@ -57,8 +57,8 @@ class ExtendedState(Expressions):
         program = program_of(self.operations, wanted)
         results = emitted(self, program, copy)
         sizes = sizes_of(self, program.operations, copy)
-        sizes |= {a: self.number(abs(a)) for a in wanted if isinstance(a, float)}
-        return [*map(self.number, results)], [sizes[a] for a in wanted]
+        sizes = [self.number(abs(a)) if isinstance(a, float) else sizes[a] for a in wanted]
+        return [*map(self.number, results)], sizes
 
     def with_forces(self, y, constraints, changes):
         """Return the rates y (D) with forces, the factors {mode: w_a}, and the matrix of n_a . d_b.

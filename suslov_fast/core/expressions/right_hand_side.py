@@ -93,11 +93,6 @@ class RightHandSide:
     entries = property(lambda self: len(self.pattern))
 
     @cached_property
-    def has_own_table(self):
-        """True if the table is that of all parameters in their order."""
-        return self.table == [*range(self.D, self.D + self.P)]
-
-    @cached_property
     def work(self):
         """About how many operations f takes."""
         return len(self.f.operations) + sum(each[0].matrix.size for each in self.products) + 16

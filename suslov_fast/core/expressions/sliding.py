@@ -10,7 +10,7 @@ jump at each surface does not depend on the sides of other surfaces.
 """
 
 from functools import reduce
-from itertools import combinations, product
+from itertools import combinations, compress, product
 from math import inf
 
 import numpy as np
@@ -36,7 +36,7 @@ MOST, MOST_PAIRS = 24, 150
 class _Rates:
     """The rates of a `Program` f (D) with a mode for each surface, then for each contact.
 
-    pairs        the compared operands of each surface; `comparisons` are from `_comparisons_in`
+    pairs        the compared operands of each surface, from `_comparisons_in` like `comparisons`
     values       the `ExtendedState` of f, its modes and its parameters
     surfaces     the operand of s for each surface
     touching     {number of an event: `Contact`}, at first {number of an event: `EventAction`}
@@ -54,7 +54,7 @@ class _Rates:
         modes = [values.number(D + g) for g in range(count)]
         self.above = [(mode > 0.5).number for mode in modes]
         new = self._evaluated({})
-        self.surfaces = [values.difference(*renamed(pair, new)) for pair in pairs]
+        self.surfaces = [values.difference(*renamed(pair, new)) for pair in pairs.values()]
         self.slopes = values.slopes(self.surfaces)
         self.slides = [mode * mode < 0.5 for mode in modes]
         self.touching = {}
@@ -110,11 +110,11 @@ class _Rates:
         new, emit = dict(self.values.inputs), self.values.emit
         for name, number, operands in self.f.operations:
             of = renamed(operands, new)
-            pair, about = self.comparisons.get(number, (None, None))
-            if pair not in self.pairs:
+            key, kind, sign, *factors = self.comparisons.get(number, (None, "", 1.0))
+            if key not in self.pairs:
                 new[number] = folded(emit, name, of)
                 continue
-            g, (kind, sign, *factors) = self.pairs.index(pair), about
+            g = [*self.pairs].index(key)
             is_above = sides.get(g, self.above[g])
             if kind == "fdiv":
                 [c] = renamed(factors, new)
@@ -150,14 +150,14 @@ class SlidingEquations(_Rates):
     def __init__(self, values, results, D, P, actions=(), sign=1):
         f, self.size = program_of(values.operations, results), 0
         self.sign = sign = float(sign)
-        comparisons = _comparisons_in(values, f)
-        pairs = [*dict.fromkeys(pair for pair, _ in comparisons.values())]
+        comparisons, pairs = _comparisons_in(values, f)
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
         if len(pairs) + len(touching) > MOST:
             return
         # Modes belong to surfaces across which f jumps, and to contacts with a force at others.
         trial = _Rates(f, comparisons, pairs, touching, D, P)
-        pairs = [pair for g, pair in enumerate(pairs) if trial.changes(D + g, D + g)]
+        has_mode = [trial.changes(D + g, D + g) for g in range(len(pairs))]
+        pairs = dict(compress(pairs.items(), has_mode))
         for k, contact in trial.touching.items():
             is_of_f = any(same(contact.s.number, s) for s in trial.surfaces)
             if is_of_f or not trial.changes(contact.mode, contact.mode):
@@ -327,13 +327,22 @@ def _leads_to(mode, below, above, part):
 
 
 def _comparisons_in(values, program):
-    """Return {number of a comparison or kink: (compared operands, (instruction, sign, ...))}.
+    """Return {number of a comparison or kink: (key, instruction, sign)}, and {key: (a, b)}.
 
-    The sign is 1.0 if the comparison is true, or chooses its first operand, where the first operand
-    of the pair is larger; else -1.0. A quotient c x / |x| is a kink, too: ("fdiv", that sign, c).
+    a and b are the compared operands. The sign is 1.0 if the comparison is true, or chooses its
+    first operand, where a > b; else -1.0. A quotient c x / |x| is a kink, too: (key, "fdiv", sign
+    of x where a > b, c).
     """
-    comparisons = {}
+    comparisons, pairs = {}, {}
     for name, number, operands in program.operations:
+        if name == "fdiv" and not isinstance(operands[1], float):
+            key, kind, *sign = comparisons.get(operands[1], ("", ""))
+            if kind == "fabs":
+                inner, factors = values.parts_of(operands[0])
+                [x] = values.parts_of(operands[1])[1]
+                a, b = factors if inner == "fmul" else (1.0, operands[0])
+                if same(a, x) or same(b, x):
+                    comparisons[number] = key, "fdiv", *sign, a if same(b, x) else b
         if name not in (*_COMPARISONS, *_KINKS) or all(map(values.is_fixed, operands)):
             continue
         a, b = operands if name != "fabs" else (operands[0], 0.0)
@@ -347,13 +356,6 @@ def _comparisons_in(values, program):
                 break
         if isinstance(a, float) or (not isinstance(b, float) and b < a):
             a, b, sign = b, a, -sign
-        comparisons[number] = (a, b), (name, sign)
-    for name, number, operands in program.operations:
-        pair, about = comparisons.get(operands[-1], (None, ("", 0.0)))
-        if name == "fdiv" and about[0] == "fabs":
-            inner, factors = values.parts_of(operands[0])
-            [x] = values.parts_of(operands[1])[1]
-            a, b = factors if inner == "fmul" else (1.0, operands[0])
-            if same(a, x) or same(b, x):
-                comparisons[number] = pair, ("fdiv", about[1], a if same(b, x) else b)
-    return comparisons
+        key = repr((a, b))  # the constant 1.0 equals the number 1 of a value
+        comparisons[number], pairs[key] = (key, name, sign), (a, b)
+    return comparisons, pairs

@@ -61,6 +61,7 @@ class Branches(NamedTuple):
     P         how many other parameters f has
     shifts    places in `surfaces` of tables at arguments p + q, with q constant along a step
     joins     True if several comparisons have the same two numbers (`_groups_of`)
+    jumps     the number of parameters that hold branches at which f jumps
     """
 
     surfaces: list
@@ -68,15 +69,8 @@ class Branches(NamedTuple):
     shifts: list
     joins: bool
 
-    @property
-    def kinds(self):
-        """The conditions (`Surface.kind`) of all branches."""
-        return [surface.kind for surface in self.surfaces]
-
-    @property
-    def jumps(self):
-        """The number of parameters that hold branches at which f jumps."""
-        return sum(surface.parameters for surface in self.surfaces if surface.jumps)
+    kinds = property(lambda self: [surface.kind for surface in self.surfaces])
+    jumps = property(lambda self: sum(each.parameters for each in self.surfaces if each.jumps))
 
 
 def watch_of(f, surfaces):

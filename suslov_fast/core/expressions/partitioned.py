@@ -111,27 +111,21 @@ def _kind_of(name, of):
     """Return the `_Kind` of `name` on operands of the kinds `of`; None if it may change unseen."""
     degree, has_exp, has_quotient, is_shifted = map(max, zip(*of, strict=True))
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
-    if degree == 0 or name in ("select", "fabs", ENTRY):
+    is_quotient = name == "fdiv" and divisor.degree
+    is_exp = name == "pow" and divisor.degree  # of any degree
+    if degree == 0 or name in ("select", "fabs", ENTRY) or (name == "fdiv" and not is_quotient):
         pass
     elif name in ("fadd", "fsub") or is_matrix(name):
         is_shifted = is_shifted or (degree == 2 and min(a.degree for a in of) == 0)
     elif name == "fmul":
         degree = 2 if bends else degree
-    elif name in ("sin", "cos"):
-        if has_exp:
-            return None
+    elif name in ("sin", "cos") and not has_exp:
         degree = 2
-    elif name in ("exp", "sinh", "cosh"):
-        if degree > 1:
-            return None
+    elif name in ("exp", "sinh", "cosh") and degree == 1:
         degree, has_exp = 2, True
-    elif name == "pow" and divisor.degree:  # like exp, of any degree
-        return None
-    elif name == "fdiv" and not divisor.degree:
-        pass
-    elif name == "fdiv" and not (divisor.has_exp or divisor.is_shifted):
+    elif is_quotient and not (divisor.has_exp or divisor.is_shifted):
         degree, has_quotient, is_shifted = 2, True, False
-    elif name in _ROOTS and not (has_exp or is_shifted):
+    elif name in _ROOTS and not (has_exp or is_shifted or is_exp):
         degree, has_quotient = 2, True
     else:
         return None

@@ -29,11 +29,10 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
 class Surface(NamedTuple):
-    """A surface; its function of the state is a result of `RightHandSide.watched`.
+    """A surface at which steps end: there a result of `RightHandSide.watched` is 0.
 
-    kind    "event", or the condition of the branch that changes there: a comparison, "floor" or a
-            `Table`. The function is the difference of the compared numbers, or the argument
-    number  the number of the first parameter that holds the branch, or the number of the event
+    kind    "event", or the instruction that has another branch beyond the surface
+    number  the number of the event, or of the first parameter that holds the branch
     jumps   True if f jumps there; False for events and kinks, where f only bends
     """
 
@@ -226,9 +225,9 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
 
     Values below number `first` are the state and the other parameters. `surfaces` is {number of a
     condition: `Surface`}. `shifted` is {number of a table's value: (p, q)}: the argument of the
-    table is p + q, where q is constant along a step. Return {old operand: operand in `fixed`}, and
-    operands for surfaces: their functions (p for p + q) in `fixed`, their branches in `tests`, each
-    q in `fixed`.
+    table is p + q, where q is constant along a step. The results are {old operand: operand in
+    `fixed`}, and for all surfaces the operands of their functions in `fixed` (of p for p + q), of
+    their branches in `tests`, and of each q in `fixed`.
     """
     functions, branches, shifts = {}, {}, {}
     choices = {number: surface.number for number, surface in surfaces.items()}

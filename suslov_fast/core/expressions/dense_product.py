@@ -138,10 +138,10 @@ def roll(values):
 
 
 def _row(values, number, sums):
-    """Return the row {(factors of c, v): (c, number of the sum up to c v)} of the sum `number`.
+    """Return {(factors of c, v): (c, number of the sum up to c v)} for the terms c v of a sum.
 
-    The row has the first terms of the sum, up to a value v out of order or a constant c with other
-    factors. `sums` has the numbers of sums that are a part of one other sum.
+    The row ends before a value v that is out of order, or a constant c with other factors. `sums`
+    has the numbers of sums that are a part of one other sum.
     """
     terms, row, parts = [], {}, values.parts_of
     while not terms or number in sums:
@@ -179,9 +179,9 @@ def products_in(operations):
 def along(emit, products, rows, v, totals=()):
     """Return changes of values along a direction v, and v with changes of entries of `products`.
 
-    v is {component: operand of its change}. `rows` has the `gradients` of all operands of the
-    products in order, then of the values; a change that is None is 0. `totals` are operands to
-    which the changes are added.
+    v is {component: operand of its change}. `rows` has `gradients` of the operands of all products
+    in order, then of the values. `totals` are operands to add to the changes, one for each row.
+    None stands for 0.
     """
     v = dict(v)
     changes = (

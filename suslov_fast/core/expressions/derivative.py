@@ -9,9 +9,9 @@ from .tables import is_table
 def gradients(values, operations, results, D, by=()):
     """Return {j: operand of the derivative with respect to j} for each operand in `results`.
 
-    j is a component 0 to D - 1, or the number of a parameter in `by`, or of an entry of a product
-    with a dense matrix (see `along`); a missing derivative is 0. `operations` compute `results`.
-    The operations of derivatives are added to `values`.
+    j is a component 0 to D - 1, a parameter in `by`, or an entry of a product with a dense matrix
+    (see `along`). Derivatives that are 0 are missing. `operations` compute `results`; the
+    operations of derivatives are added to `values`.
     """
     rows = {i: {i: 1.0} for i in (*range(D), *by)}
     for instruction, number, operands in operations:
@@ -24,10 +24,9 @@ def gradients(values, operations, results, D, by=()):
 
 
 def gradients_along(values, results, D, v):
-    """Return `gradients` of `results`, and the direction v with changes of entries of products.
+    """Return `gradients` of `results`, and v with changes of entries of products.
 
-    v is {component: operand of its change}. The gradients times this longer v are the changes of
-    `results`.
+    v is {component: operand of its change}. Gradients times the new v are the changes of `results`.
     """
     products = products_in(values.operations)
     operands = [a for _, of, _ in products for a in of]

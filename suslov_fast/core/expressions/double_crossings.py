@@ -53,12 +53,12 @@ _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY,
 
 
 class DoubleCrossings(NamedTuple):
-    """Programs that find out if a step crosses a surface twice; None if no surface needs one.
+    """Programs that find out if a step crosses a surface twice; None for needless programs.
 
     decision     reads the surfaces, `phases` and `rates`, each at five points of a step; the state
                  at the middle point; rtol; and the table of f
     phases       reads the state and the table; its results are the arguments of sin, cos and tan
-    rates        gives the rates of surfaces that may have humps, see `_rates_of`
+    rates        its results are rates of surfaces that may have humps, see `_rates_of`
     of_clocks    True if there are surfaces that depend on clocks alone
     of_states    True if there are surfaces that depend on other components
 

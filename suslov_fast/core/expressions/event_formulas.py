@@ -66,8 +66,8 @@ class EventAction(NamedTuple):
     to         `KeyedProgram` of the new state, or None if the state stays
     direction  1: acts where the function rises along the motion, -1: where it falls, 0: both
     most       the action of this number ends the trajectory; infinity if none ends it
-    holds      whether a state that an action puts on the surface counts as above it at any rate:
-               0: no; 1: after the action of this event; 2: after the action of any event
+    holds      after which actions a state on the surface counts as above it, whatever its rate is:
+               0: after none, 1: after the action of this event, 2: after any action
     """
 
     surface: Program | None
@@ -139,14 +139,15 @@ class EventSet(NamedTuple):
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
 
-    The parts of event k are as follows. Those with columns v of derivatives exist if motions have
-    some. `tau{k}_{q}` and `column{k}_{q}` are for the column of parameter q, and also read its
-    scale.
+    The parts of event k, with tau and columns v as in the equations above, are
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets
     tau{k}     reads the state, v, and f before the event; its result is tau
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
+
+    `tau` and `column` exist if motions have columns. With "_{q}" at the end of their names, they
+    are for the column of parameter q, and also read its scale.
     """
 
     directions: tuple

@@ -21,7 +21,7 @@ class Function(NamedTuple):
     is_0_at_0    True if it is 0 at 0, and smooth at 0
     instruction  its name in expression programs; "" if it is made of others
     formula      if it is made of others: takes a `Number` for each operand, returns the value
-    narrows      True if it makes narrow pulses of waves, as exp(100 cos(t)) has them
+    narrows      True if it makes narrow pulses of waves, as in exp(100 cos(t))
     others       NumPy's other names for it
     """
 

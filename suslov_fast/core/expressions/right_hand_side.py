@@ -18,14 +18,13 @@ class RightHandSide:
     """The right-hand side f of D equations with P parameters.
 
     Values 0 to D - 1 are the state, the next P the parameters. Operations on parameters alone,
-    `fixed`, are carried out once for a run, in NumPy. Other programs read the `table`: the numbers
-    of parameters and of results of `fixed` that they need. `places` is {number: its place in the
-    table}.
+    `fixed`, are carried out once for a run, in NumPy. Other programs read a table of parameters and
+    results of `fixed`: `table` has their numbers, and `places` is {number: place in the table}.
 
     f            `Program` of the D rates
     derivative   `Program` of f' alone; its results are the entries at the places (i, j) in `linked`
-    products     `products_in` f. With these, `derivative` is about `height` values: operands of
-                 products, then f; and j is a component or an entry of a product
+    products     `products_in` f. If there are some, rows i of `derivative` are for `height` values:
+                 operands of products, then f. j is a component or an entry of a product
     of_parameters  `Program` of df/dp for the parameters `by`, with `height` results for each
     reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
@@ -38,7 +37,7 @@ class RightHandSide:
     longest      operand of the longest step, a function of parameters, see `pulses`
     offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
     events       `EventSet` of actions along the motion, or None
-    of, columns  here f itself and 0; with columns of derivatives beside x, see `Variational`
+    of, columns  f and 0; in a `Variational`, the right-hand side of x and the number of columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
 
     The module `branches` sets the other programs, which are None if f has neither branches nor

@@ -235,11 +235,11 @@ class SlidingEquations(_Rates):
         return self._decided(x, range(self.count))
 
     def _decided(self, x, surfaces, at=None):
-        """Return the state x (operands); `surfaces` that it is on get the modes to which f leads.
+        """Return the state x (operands) with new modes of the `surfaces` that it is on.
 
-        Each mode is found on its own, from the rates on both sides; the mode of a side on which f
-        leads away from the surface stays. Then several modes are found together. At surface `at`,
-        if given, the solution arrives, or stops sliding.
+        The new mode is the side to which f leads from the surface, or 0 if f leads back to it from
+        both sides. The mode of a side on which f leads away stays. Modes are found one by one, then
+        together. At surface `at`, if given, the solution arrives, or stops sliding.
         """
         number, D = self.values.number, self.D
         for g in surfaces:

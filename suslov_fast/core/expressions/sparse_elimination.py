@@ -45,7 +45,7 @@ class Sparse:
     offsets      (D + 1, 6) `ColumnOffsets` of each column
     rows         the row of each entry of J, column by column
     numbers      the number of each of these entries in `places`
-    pivots       the rows k < j with u_kj != 0, column j by column
+    pivots       for each column j in turn, the rows k < j with u_kj != 0
     spans        (-, 2) first row and number of rows of each span
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """

@@ -158,7 +158,7 @@ def _put_ahead(code, signed):
 
 
 def _look_ahead(code, part):
-    """Find branches (`chosen`) a little after the step; return this time, the `part` of t."""
+    """Find the branches (`chosen`) a time `part` * t after the step; return this time."""
     t = code.line.t[0]
     ahead = part * (t > 0.0).select(t, code.number("last"))
     _put_ahead(code, code.number("sign") * ahead)

@@ -192,7 +192,7 @@ def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, l
 
 
 def change(code):
-    """Let events act on the state `new`, in lanes where the row `accepted` is 1."""
+    """Let events act on the state `new`, at given times, then on surfaces; set what comes next."""
     text, work, events = code.text, code.work, code.integrator.events
     is_there, is_at_stop = _is_there(code), _is_at_stop(code)
     work.actions_now[0] = 0.0
@@ -210,7 +210,7 @@ def change(code):
 
 
 def act(code):
-    """Add code that lets events act on the next states, in lanes in which the step is taken."""
+    """Call `change` if in some lane the step is taken and events may act at its end."""
     is_there = _is_there(code)
     if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
         is_there = is_there | (code.line.resting[0] * code.work.accepted[0] > 0.0)

@@ -159,7 +159,7 @@ def SEARCH(
     taken, crossed, place, end, whole_part, part, inner, outer, weight, rounds, aim, accuracy,
     is_implicit, searched, cuts, holds,
 ):  # fmt: skip
-    """Return the next length in a search for a surface, and the new rows of the search."""
+    """Return the next length in a search, between `inner` and `outer`, and the search's rows."""
     misses = holds & (taken >= outer)  # the surface lies beyond `outer`
     of_end = (crossed > 0.0).select(end, 1.0) * taken
     of_place = (crossed > 0.0).select(place, whole_part) * taken
@@ -234,7 +234,7 @@ def TIME_AND_STATE(
 
 
 def cut(code, before, total):
-    """Repeat a step that crosses or seeks a surface, with a better length; it began at `before`."""
+    """Repeat a step that crosses a surface, or seeks one, with a better length."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces

@@ -240,7 +240,7 @@ def _look(code, looks):
 
 
 def _alarm(code, looks):
-    """Find whether there is an alarm, in lanes `looks`; row `f` is f without lost components."""
+    """Raise the alarm in lanes `looks` that need it; row `f` is f with 0 for lost components."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     found = Carried(watches=0.0, grows=0.0, below=0.0)
     for i in text.each(D, found):
@@ -259,7 +259,7 @@ def _alarm(code, looks):
 
 
 def _find_group(code, looks):
-    """Set `watches` to infinity in lanes `looks` with a group of components that would grow."""
+    """Raise the alarm in lanes `looks` with a group of components that would grow together."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     known, group = work.start, work.a
     least = text.value(NEXT if code.integrator.is_implicit else LONG)

@@ -201,7 +201,7 @@ OF_STEPS = (
   ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
    "time=np.arange(0, T, dt), at which states are wanted"),
 )  # fmt: skip
-# An array of values, from which the knots before and after t select one.
+# A piecewise constant function of t: values[i] from knots[i] to knots[i + 1].
 STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
 # Functions that f cannot call, and how to write them with functions that it can call.
 OF_ARRAYS = {

@@ -41,7 +41,7 @@ class Traced(Body):
     _arrow: ClassVar[str]  # what stands between a variable and its formula in texts
 
     names: tuple[str, ...]
-    _equations: Equations | Any  # None if the parts of a field are its terms
+    _equations: Equations | Any  # None if a field is stored as polynomial terms
 
     @public
     def with_parameters(self, /, **parameters: Any) -> Self:

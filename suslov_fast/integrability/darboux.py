@@ -288,7 +288,7 @@ def with_constants(
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
-        # The eigenvalues of polynomials do not depend on the points.
+        # Eigenvalues of Darboux polynomials are the same at all sets of points, others are not.
         common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
         return common.coeffs() if common.degree() else []
 

@@ -215,7 +215,7 @@ class Invariants:
 
     @property
     def measures(self) -> tuple[RationalFunction, ...]:
-        """Densities of invariant measures: 1 / P for the cofactor det DPhi, or other products.
+        """Densities of invariant measures: 1 / P, with a product P that has the cofactor det DPhi.
 
         If there are none: one up to sign, rho(Phi) det DPhi = -rho, with the `cofactor` -1.
         """
@@ -374,7 +374,7 @@ def is_definite(P: Any) -> bool:
 def in_echelon_form(space: Sequence[Any]) -> list[Any]:
     """Return a basis of the span of `space` with different leading monomials, highest first.
 
-    The lowest monomial of a polynomial does not occur in the polynomials before it.
+    Then the lowest monomial of each polynomial is eliminated from all polynomials before it.
     """
     monomials = {e for P in space for e in polynomials.exponents_in_x(P)}
     descending = sorted(monomials, key=lambda e: (sum(e), e), reverse=True)

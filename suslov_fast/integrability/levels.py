@@ -2,7 +2,7 @@
 
 Two rules make coordinates of a level: an integral of degree 1 in a variable is solved for it, and
 one quadric in three variables is projected from one of its points. Points are homogeneous,
-(x1, ..., xD, 1) times a number or a polynomial in the letter.
+(x1, ..., xD, 1) times a factor: a number, or a polynomial in the parameter that is a letter.
 """
 
 import math

@@ -58,7 +58,7 @@ class Records(NamedTuple):
     """Records of K events, ordered by trajectory and time."""
 
     trajectory: NDArray[np.int64]  # (K,)
-    which: NDArray[np.int64]  # (K,), numbers of events in the order of code
+    which: NDArray[np.int64]  # (K,), numbers of events, events on surfaces first
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
     states: FloatArray  # (K, D), after the event

@@ -49,9 +49,9 @@ _OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
 # After _FEW segments within _PART of the time, up to _LARGEST_FRAME tangent vectors become an
 # orthonormal frame V. After each further segment, entries of V^T V - 1 are at most _OFF `rtol`.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
-# With events, factors of the transient, and of the time for a first part of all segments. Segments
-# should not end just after an event, because they begin without memory of surfaces that were met;
-# and events often act at simple parts of the time.
+# With events, _LESS shortens the transient, and the time is cut at its part _FIRST before it is cut
+# into segments. A segment should not end just after an event, because the next one begins without
+# memory of surfaces that were met; and events often act at simple parts of the time.
 _LESS, _FIRST = 1.0 - 2.0**-20 / np.pi, 1.0 / np.e
 
 

@@ -177,11 +177,11 @@ def products_in(operations):
 
 
 def along(emit, products, rows, v, totals=()):
-    """Return changes of values along a direction v, and v with changes of entries of `products`.
+    """Return the changes of values along a direction v, and v extended by entries of `products`.
 
-    v is {component: operand of its change}. `rows` has `gradients` of the operands of all products
-    in order, then of the values. `totals` are operands to add to the changes, one for each row.
-    None stands for 0.
+    v is {component: operand of its change}; entries of products get their changes, too. `rows` are
+    gradients: of the operands of each product in turn, then of the values. `totals` are operands to
+    add to the changes, one for each row. None stands for 0.
     """
     v = dict(v)
     changes = (

@@ -37,7 +37,7 @@ from .rounding import sizes_of
 from .tables import LARGEST
 from .values import larger, operand_of, smaller
 
-# Fractions of a step. They are uneven, because waves of an even period would vanish at even points.
+# Fractions of a step. Their distances differ, because a wave may vanish at equally spaced points.
 POINTS = 0.23, 0.49, 0.76, 1.0
 _FRACTIONS, MIDDLE = (0.0, *POINTS), 2
 ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
@@ -211,9 +211,9 @@ def _turns(operations, arguments):
 def _decided(points, rates, rounding, tolerance):
     """Return e / |m| of a surface s, and 1 if its values show two crossings in a step, else 0.
 
-    `points` are s at five points of the step. `rates` is None, or has ds/du and the bounds of
-    `_rates_of` at these points. Values within `rounding` of 0 are no crossings, and an |m| below
-    `tolerance` counts as `tolerance`.
+    e and m are as in the head of this file. `points` are s at five points of the step. `rates` is
+    None, or has ds/du and the bounds of `_rates_of` at these points. Values within `rounding` of 0
+    are no crossings, and an |m| below `tolerance` counts as `tolerance`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)

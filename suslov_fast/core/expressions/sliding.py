@@ -238,8 +238,9 @@ class SlidingEquations(_Rates):
         """Return the state x (operands) with new modes of the `surfaces` that it is on.
 
         The new mode is the side to which f leads from the surface, or 0 if f leads back to it from
-        both sides. The mode of a side on which f leads away stays. Modes are found one by one, then
-        together. At surface `at`, if given, the solution arrives, or stops sliding.
+        both sides. But if the present mode is a side on which f leads away, it stays. Modes are
+        found one by one, then together. At surface `at`, if given, the solution arrives, or stops
+        sliding.
         """
         number, D = self.values.number, self.D
         for g in surfaces:
@@ -329,9 +330,9 @@ def _leads_to(mode, below, above, part):
 def _comparisons_in(values, program):
     """Return {number of a comparison or kink: (key, instruction, sign)}, and {key: (a, b)}.
 
-    a and b are the compared operands. The sign is 1.0 if the comparison is true, or chooses its
-    first operand, where a > b; else -1.0. A quotient c x / |x| is a kink, too: (key, "fdiv", sign
-    of x where a > b, c).
+    a and b are the compared operands. The sign is 1.0 if, where a > b, the comparison is true or
+    the kink (such as max) has the value of its first operand; else -1.0. A quotient c x / |x| is
+    listed, too, as (key, "fdiv", sign of x where a > b, c).
     """
     comparisons, pairs = {}, {}
     for name, number, operands in program.operations:

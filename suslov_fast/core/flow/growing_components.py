@@ -14,9 +14,9 @@ with 0 for all components without digits. At an unstable equilibrium `lost` stay
 - if the component grows, and its error is `many` allowed errors, or DEEP of its size;
 - if components below their allowed errors are about to grow. Implicit steps damp exp(a t) to
   (1 - a h / n)**-n, which is no growth if a h is large, and explicit steps multiply by a polynomial
-  in a h. The components would grow if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i) for all
-  of them, with f at a state in which they have some values u_i > 0. These are their allowed errors
-  at first, and become less where a component does not grow, until all grow or none does;
+  in a h. To find growth, f is evaluated where these components have trial values u_i, at first
+  their allowed errors. A component grows if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i). If
+  some grow, u_i of the others is reduced, and f is evaluated again, until all grow or none does;
 - if the solution ends while a component has no digits.
 
 If all components are RELATIVE, only those below 2**-990 lose digits. Then the alarm is a warning.
@@ -56,8 +56,8 @@ def many_of(rtol):
 def some_of(rtol, keeps):
     """Return the least relative error in an explicit step with which a component loses digits.
 
-    If the component keeps its sign (`keeps` is 1), this is rtol at rtol = 1e-6 and 100 rtol at
-    1e-9; else 1 / OF_IMPLICIT times as much. Implicit steps use OF_IMPLICIT times the result.
+    If the component keeps its sign (`keeps` is 1), this is 1e-4 rtol**(1/3), or rtol if that is
+    larger. Otherwise it is 1 / OF_IMPLICIT = 8 times as large. Implicit steps use an eighth of it.
     """
     return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
 

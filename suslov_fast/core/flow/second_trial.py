@@ -142,7 +142,7 @@ def try_again(code, sums):
 
 
 def _changes_beside(code, is_noise):
-    """Return arrays `least`, `largest`, `second` of changes of f beside points (`BESIDE_POINTS`).
+    """Return the least, largest and second largest changes of f beside points of a step, as rows.
 
     Lanes `is_noise`, with an error that may be noise, evaluate all points in all directions. Other
     lanes evaluate one state beside each end of the step.

@@ -39,7 +39,7 @@ class MapStep(ExtendedStep):
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
         programs = (Program(f.fixed, []), f.f, f.derivative)[: 2 + columns]
         results = emitted(values, united(programs), known)
-        # Constants are values, too: the state is made of their numbers.
+        # A constant becomes a value, because `after` holds numbers of values.
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in results[:D])
         self.after = [*of_x, *range(D, size)]
         if columns:
@@ -69,10 +69,11 @@ class MapStep(ExtendedStep):
         self.after[D : D * (1 + D)] = [a.number for q in columns for a in q]
 
     def _add_test(self, D):
-        """Add the tests `accurate` (f(x) is finite, x is not NaN) and `good`, of the sum of f(x).
+        """Add the tests `accurate` and `good` of f(x).
 
-        A sum is faster, but may overflow where f(x) is finite; a - a is 0 or NaN. Lanes that have
-        ended are NaN: they are `good`, so that their lines need no rare operations.
+        `accurate`: all f_i(x) are finite, and x is not NaN. `good`: the sum of f_i(x) is finite, or
+        x is NaN because the lane has ended. This takes less time, but the sum may overflow, so
+        that `accurate` decides where `good` is false.
         """
         number = self.values.number
         tested = [number(a) for a in self.after[:D]]

@@ -138,8 +138,8 @@ def difference_of_squares(ell, x, nu, k, X, K):
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
     """Fill rows of lane l with b, c, d12 and d22, for n >= 0 if `ahead` is 1, for n < 0 if -1.
 
-    `square` is A**2 - k**2, and `root` the root of its modulus. If the orbit `passes`, d12 is
-    2 half_d12, and d22 is d22_passes. Otherwise d22 is d22_turns.
+    Formulas and letters are in the head of this file. An orbit that `passes` and one that turns
+    have formulas of their own, with arguments of these names.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]

@@ -22,12 +22,13 @@ the determinant of the two equations. If det A is negative, a step passes a pole
 
 parameters   J, I (1 or B, m); eps (1 or B,)
 final        (B, m), the states that a run continues from
-carry        (1, B), the first state beyond a step from det A < 0, 0 if there is none
+carry        (1, B), the number of the first state after a step with det A < 0, 0 if there is none
 
-A block of lanes is two arrays: c[J_, I_, W or INVERSE, component, lane], and b[row, lane] with
-numbers of lanes. The number of components in c is even; if m is odd, the last has J = inf and
-I = w = 0. After a failure the state and eps of a lane are NaN, so that it needs no elimination. In
-NumPy a block has a single lane, in which each number is an array of all trajectories.
+A block of lanes is two arrays: c[row, component, lane], with the rows J_, I_, W and INVERSE, and
+b[row, lane], with one number for each lane. The number of components in c is even; if m is odd, the
+last has J = inf and I = w = 0. After a failure the state and eps of a lane are NaN, so that the
+lane needs no elimination. In NumPy a block has a single lane, in which each number is an array of
+all trajectories.
 """
 
 from typing import Any, NamedTuple

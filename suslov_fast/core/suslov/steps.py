@@ -112,7 +112,7 @@ def fill_frames(b, lanes, first, width, parameters):
 
 @formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with states 0, as `fill_frames` does; return how many have the plain form.
+    """Fill lanes with initial states, as `fill_frames` does; return how many are in the plain form.
 
     A single lane counts as LANES. States that are supercritical or not finite set their `status`.
     """

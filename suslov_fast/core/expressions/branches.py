@@ -46,7 +46,7 @@ class Surface(NamedTuple):
         return Table.ROWS if is_table(self.kind) else 1
 
     def interval(self, number, places):
-        """Return `Number`s (low, high), the interval of a "floor" or table; else None."""
+        """Return ends (low, high) between which a "floor" or table keeps its branch; else None."""
         if self.kind != "floor" and not is_table(self.kind):
             return None
         low = number(places[self.number])

@@ -83,7 +83,7 @@ class ExtendedState(Expressions):
 
 
 def _solved(matrix, right):
-    """Return {a: `Number`}, the solution of equations {(a, b): entry} and {a: right side}."""
+    """Return the solution {a: `Number`} of linear equations {(a, b): entry} and {a: right side}."""
     if not right:
         return {}
     (a, of_a), *others = right.items()

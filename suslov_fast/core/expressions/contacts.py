@@ -26,7 +26,7 @@ LEAST = 2.0**-1000
 
 
 def may_be_contact(action, D, P):
-    """Return True if an action keeps |s| of its surface, or makes s 0, at random states."""
+    """Return True if an action keeps |s| or makes s 0, as bounces do; random states are tried."""
     if action.surface is None or action.to is None or action.most <= 1:
         return False
     x = dict(enumerate(np.random.default_rng(0).uniform(0.5, 1.5, (D + P, 16))))
@@ -73,7 +73,7 @@ class Contacts:
     """
 
     def __init__(self, values, contacts, factors, matrix, sign):
-        """Take `factors` and `matrix` of `with_forces`, and the sign of T."""
+        """Plan reactions from `factors` and `matrix` of `with_forces`; `sign` is the sign of T."""
         self.values, self.contacts, self.sign = values, contacts, sign
         self.time = values.number(values.modes[-1])
         self.constraints = {c.mode: c.constraint for c in contacts.values()}

@@ -138,7 +138,7 @@ class ElapsedTime:
         return number
 
     def _without_turns(self, q):
-        """Return the operand q of a phase; a large phase loses whole turns of 2 pi."""
+        """Return the operand q of a phase, less whole turns of 2 pi if q is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
         return (abs(q) > _LARGE).select(rest, q).number

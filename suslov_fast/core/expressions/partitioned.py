@@ -58,7 +58,7 @@ def part_of(program, numbers):
 
 
 def _colours(reads):
-    """Return {component: bool}, two sets such that rates read the other set alone; else None."""
+    """Return {component: its set, True or False} if rates read the other set alone, else None."""
     beside = {i: [*of] for i, of in reads.items()}
     for i, of in reads.items():
         for j in of:

@@ -304,7 +304,7 @@ class SlidingEquations(_Rates):
         return with_modes(modes)
 
     def _are_consistent(self, x, on, part):
-        """Return the truth value that f leads to the modes of x from the surfaces with `on`."""
+        """Return the truth value that f leads to the modes of x at all surfaces with truth `on`."""
         rates = self.values.at(x, [rate for pair in self.toward for rate in pair])[0]
         modes = map(self.values.number, x[self.D : self.D + self.count])
         truth = self.values.true

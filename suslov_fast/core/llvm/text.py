@@ -188,7 +188,7 @@ class Array:
         self.text.store(self.text.V, self.text.value(value), self._place(i))
 
     def put_chosen(self, i, value):
-        """Write a `select` of row i and another value to row i; masked stores would be slow."""
+        """Write a `select` with row i to row i; volatile, because masked stores would be slow."""
         self.text.store(self.text.V, self.text.value(value), self._place(i), how="volatile ")
 
     def choose(self, truth, i, value):
@@ -492,7 +492,7 @@ class Code:
             at.goes_on = at.index < count
 
     def listed(self, indices):
-        """Return a function that adds a loop over `indices`; its argument is as in `each`."""
+        """Return a function of `carried`, as in `each`, that adds a loop over `indices`."""
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
             return lambda carried=None: (k + first for k in self.each(count, carried))

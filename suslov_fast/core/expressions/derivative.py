@@ -1,7 +1,7 @@
 """Derivatives of expression programs by the chain rule; they are expression programs, too."""
 
 from .dense_product import ENTRY, along, is_matrix, products_in
-from .function_records import FUNCTIONS, RECORDS, same
+from .function_records import FUNCTIONS, RECORDS
 from .numpy_evaluation import OF_TRUTH_VALUES
 from .tables import is_table
 
@@ -73,10 +73,14 @@ def _sum(emit, pairs):
     """Return the sum of factor * row over `pairs` (factor, row) of rows {component: operand}."""
     total = {}
     for factor, row in pairs:
-        for j, slope in () if same(factor, 0.0) else row.items():
-            if j in total and same(factor, -1.0):
+        constant = factor if isinstance(factor, float) else None
+        if constant == 1.0 and not total:
+            total = dict(row)
+            continue
+        for j, slope in () if constant == 0.0 else row.items():
+            if constant == -1.0 and j in total:
                 total[j] = emit("fsub", total[j], slope)
             else:
-                part = emit("fmul", factor, slope)
+                part = slope if constant == 1.0 else emit("fmul", factor, slope)
                 total[j] = emit("fadd", total[j], part) if j in total else part
     return total

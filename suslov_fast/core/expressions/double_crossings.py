@@ -61,6 +61,7 @@ class DoubleCrossings(NamedTuple):
     rates        its results are rates of surfaces that may have humps, see `_rates_of`
     of_clocks    True if there are surfaces that depend on clocks alone
     of_states    True if there are surfaces that depend on other components
+    inside       the numbers of results of `phases` and of `rates`
 
     The results of `decision` are maxima over all surfaces:
 
@@ -76,10 +77,7 @@ class DoubleCrossings(NamedTuple):
     of_clocks: bool = False
     of_states: bool = False
 
-    @property
-    def inside(self):
-        """The numbers of results of `phases` and of `rates`; 0 for None."""
-        return [len(each.results) if each else 0 for each in (self.phases, self.rates)]
+    inside = property(lambda self: [len(of.results) if of else 0 for of in self[1:3]])
 
 
 def double_crossings_of(f, surfaces):

@@ -211,7 +211,7 @@ def float_array(name: str, value: Any) -> FloatArray:
             what += ": split complex variables into real and imaginary parts"
         if array.dtype.kind == "O":
             item = next(each for each in array.flat if not isinstance(each, numbers.Real))
-            what = f": {short(item)} is of the type {kind_of(item)}"
+            what = f": {short(item)} is of the type {kind_of(item)}" * (array.ndim > 0)
             what += f": {OF_SYMBOLS}" * hasattr(item, "free_symbols")
         raise wrong(name, "hold real numbers", f"{short(value)}{what}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
@@ -325,7 +325,8 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
 def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -> str:
     """Return a string that is one of the choices."""
     if not isinstance(value, str) or value not in choices:
-        raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value) + instead)
+        expected = "one of " * (len(choices) > 1) + ", ".join(map(repr, choices))
+        raise wrong(name, expected, short(value) + instead)
     return value
 
 
@@ -361,6 +362,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
+        called = "a dictionary" if expected is Mapping else called
         is_system = all(hasattr(kind, "_called") for kind in classes)
         how = ": pass a body, or a field such as Field(f, names)" * is_system
         raise wrong(name, called, kind_of(value) + how, TypeError)

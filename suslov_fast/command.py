@@ -9,13 +9,14 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
 import suslov_fast as sf
+
+from .words import answer
 
 # Modules that import NumPy or Numba are imported in functions: `--help` and most errors need none.
 
@@ -32,16 +33,20 @@ _OF_TIMES = "points", "rtol", "atol"  # options only for the motion
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors have one line, with the nearest options."""
+    """A parser whose errors have one line, with the nearest option or command."""
 
     def error(self, message: str) -> NoReturn:
-        if "unrecognized" in message:
-            known = re.findall(r"--[\w-]+", self.format_usage())
-            words = re.findall(r" (-[^\s=]+)", message)
-            near = {word: get_close_matches(word, known, 1, 0.75) for word in words}
-            message += "".join(f"; for {word} use {name}" for word in words for name in near[word])
-            if not words:
-                message += "; lists have commas, --x0 1,0.5, and texts quotation marks"
+        known = {}
+        for action in self._actions:
+            for name in (*action.option_strings, *map(str, action.choices or ())):
+                known[name.strip("-").replace("-", "_")] = name
+        wrong = r" --?([^\s=]+)" if "unrecognized" in message else "invalid choice: '([^']*)'"
+        for word in re.findall(wrong, message):
+            plain = word.replace("-", "_").lower()
+            if near := known.get(plain) or known.get(answer(plain, known)):
+                message += f"; for {word} use {near}"
+        if "unrecognized" in message and " -" not in message:
+            message += "; lists have commas, --x0 1,0.5, and texts quotation marks"
         print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
         sys.exit(2)
 
@@ -104,10 +109,13 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     system, eps = _system(options)
+    like = f"--x0 {','.join('1' * system.dimension)}"
     if "equations" in given and not {"x0", "trajectories"} & {*given}:
-        raise ValueError("--x0 is missing, the initial state, such as --x0 1,0.5")
+        raise ValueError(f"--x0 is missing, the initial state, such as {like}")
     size = options.trajectories or 65_536, system.dimension
     states = options.x0 or np.random.default_rng(0).uniform(-2.0, 2.0, size)
+    if any(len(each) != system.dimension for each in states):
+        raise ValueError(f"--x0 must be {system.dimension} numbers, such as {like}")
     if len(states) == 1:
         [states] = states
     names = "threads", "rtol", "atol", "steps", "save_every", "method"
@@ -117,10 +125,8 @@ def run(options: argparse.Namespace) -> int:
         times = np.linspace(0.0, options.time, options.points or 101)
         compute = partial(sf.flow, system, states, time=times, **chosen)
     else:
-        try:
-            _ = system._field.terms
-        except TypeError as error:
-            raise ValueError(f"{error}; here add --time T") from None
+        if not _has_map(system):
+            raise ValueError("--equations of degree 2 at most have Kahan's map: add --time T")
         if eps is None:
             raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
         chosen = {"steps": 1000, "save_every": None, "on_singular": "ignore", **chosen}
@@ -181,6 +187,8 @@ def report(options: argparse.Namespace) -> None:
     from .integrability import report as report_of
 
     system, _ = _system(options)
+    if not _has_map(system):
+        raise ValueError("--equations: report is for right-hand sides of degree 2 at most")
     print(report_of(system, eps=options.eps, degree=options.degree))
 
 
@@ -211,6 +219,14 @@ def _system(options: argparse.Namespace) -> tuple[Any, Any]:
     if len(options.body) not in (4, 5):
         raise ValueError("--body must be four numbers I1,I2,I13,I23, or five, with the rotor k")
     return sf.Suslov3D(*options.body), options.eps
+
+
+def _has_map(system: Any) -> bool:
+    """Return True for a body, and for a field of degree 2."""
+    try:
+        return bool(system._field.terms)
+    except TypeError:
+        return False
 
 
 # ---------------------------------------------------------------------------------- options
@@ -245,6 +261,13 @@ def _count(text: str) -> int:
     return int(value)
 
 
+def _path(text: str) -> Path:
+    """Return the path of a file or folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the name of a file is empty")
+    return Path(text).expanduser()
+
+
 def _parser() -> _Parser:
     """Return the parser of the command; its help texts are the docstrings of functions."""
     raw = argparse.RawDescriptionHelpFormatter
@@ -266,7 +289,7 @@ def _parser() -> _Parser:
         add("--equations", metavar="TEXT", help=f'such as "{_LIKE}"')
 
     def add_file(to: Any, of: str, **keywords: Any) -> None:
-        to.add_argument("-o", "--output", type=Path, help=of, **keywords)
+        to.add_argument("-o", "--output", type=_path, help=of, **keywords)
         to.add_argument("--force", action="store_true", help="replace files that exist")
 
     of_run = command(run)
@@ -285,7 +308,7 @@ def _parser() -> _Parser:
     add("--threads", type=_count, metavar="N", help="threads (default: all)")
     add_file(of_run, "file of the run", metavar="RUN.npz")
     of_plot = command(plot)
-    of_plot.add_argument("file", type=Path, metavar="RUN.npz")
+    of_plot.add_argument("file", type=_path, metavar="RUN.npz")
     of_plot.add_argument("components", nargs="*", metavar="NAME", help="such as x v, or time x")
     add_file(of_plot, "figure (default RUN.png)", metavar="FILE.png")
     add_file(command(figures), "folder (default: this one)", metavar="DIR", default=Path())

@@ -147,7 +147,12 @@ def ensemble(
         names = [*empty.to_xarray().status.dims[:-1], _AXIS]
         whole, encoding = _whole(to_xarray(empty, names), given, N, length)
         run = {k: _digest(value) for k, value in given.items() if k not in ("threads", "system")}
-        run |= {f"system {name}": _digest(value) for name, value in system.to_dict().items()}
+        system_only = system.to_dict()
+        parameters = system_only.pop("parameters", {})
+        if "names" not in system_only:  # a body, with its parameters as entries
+            parameters, system_only = system_only, {"body": system_only.pop("body")}
+        run |= {f"parameter {name}": _digest(value) for name, value in parameters.items()}
+        run["system"] = _digest(system_only)
         whole.attrs["ensemble"] = json.dumps(run | {"chunks": length})
         status = _prepared(store, whole, encoding)
         given |= {"x0": x0 if callable(x0) else states} | ({"threads": 1} if client else {})

@@ -185,7 +185,9 @@ def test_the_store_of_another_run_is_refused(tmp_path):
     store, options = tmp_path / "run", {"eps": 0.1, "steps": 20}
     ensemble(BODY, X0, store, chunks=3, **options)
     others = {
-        "system I23": lambda: ensemble(Suslov3D(4, 1, -0.5, -0.2), X0, store, chunks=3, **options),
+        "parameter I23": lambda: ensemble(
+            Suslov3D(4, 1, -0.5, -0.2), X0, store, chunks=3, **options
+        ),
         "x0": lambda: ensemble(BODY, X0[::-1], store, chunks=3, **options),
         "chunks": lambda: ensemble(BODY, X0, store, chunks=5, **options),
         "time": lambda: ensemble(BODY, X0, store, chunks=3, time=1.0),

@@ -93,7 +93,7 @@ ARROWS = {
     "plots": "checks keywords status bodies results orbits motions",
     "integrability": "core checks keywords fields bodies",
     "compiled": "core checks keywords fields maps motions",
-    "command": "fields bodies results orbits motions plots integrability",
+    "command": "words fields bodies results orbits motions plots integrability",
     "__main__": "command",
 }
 

@@ -163,9 +163,10 @@ def _first_integral(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the density of the reduced body, divided by areas; 1 where every state is steady.
+    """Return the density of the reduced body, divided by the areas of spheres.
 
-    States with the same coordinate r (see `reduction`) form a sphere. Its area is a power of r.
+    States with the same coordinate r (see `reduction`) form a sphere. Its area is proportional to
+    a power of r. The density is 1 for bodies of which every state is steady.
     """
     parts = problem.body._reduction
     values = np.ones(problem.batch)

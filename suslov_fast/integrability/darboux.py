@@ -301,7 +301,8 @@ def _divisors(
     """Yield exponents of `factors` for which the product of powers divides some P(F_1, ..., F_0).
 
     P and the quotient are homogeneous of this degree, and F_i are the forms of the map. If
-    `at_infinity`, the product may also contain a power of the last coordinate, not yielded.
+    `at_infinity`, the product may also contain a power of the last coordinate. The exponent of
+    this power is left out of the result.
     """
     rng = map.generator(degree)
     p = arithmetic.random_prime(rng)
@@ -339,9 +340,10 @@ def _divisors(
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, free: int) -> Iterator[tuple[int, ...]]:
-        """Yield the exponents that begin with `powers`; the others have products of degree `free`.
+        """Yield the tuples of exponents that begin with `powers`.
 
-        `system` are the linear equations for P that `powers` imply.
+        The powers of the remaining factors must have a product of degree `free`. `system` contains
+        the linear equations for P that `powers` imply.
         """
         k = len(powers)
         if k == len(divisors):

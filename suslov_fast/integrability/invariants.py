@@ -215,9 +215,10 @@ class Invariants:
 
     @property
     def measures(self) -> tuple[RationalFunction, ...]:
-        """Densities of invariant measures: 1 / P, with a product P that has the cofactor det DPhi.
+        """Densities rho of invariant measures: rho(Phi) det DPhi = rho.
 
-        If there are none: one up to sign, rho(Phi) det DPhi = -rho, with the `cofactor` -1.
+        Densities are products of powers of Darboux polynomials, mostly 1 / P. If no density is
+        found, the result may contain a rho with rho(Phi) det DPhi = -rho and the `cofactor` -1.
         """
         densities = [*self.densities, *self.early_densities]
         det = self.map.jacobian_cofactor if self.has_factors else None

@@ -136,7 +136,8 @@ class KahanMap(RationalMap):
     def _forms(self) -> list[Any]:
         """The rows of (A | b) for the equations A(x) x~ = b(x), times a common denominator.
 
-        An entry is a linear form in (x1, ..., xD, 1): a list of pairs (j, a), its terms a x_j.
+        An entry is a linear form, a list of pairs (j, a). The number a is the coefficient of
+        x_(j+1), or the constant term if j = D.
         """
         if self.eps is None:
             eps, unit = self._sign * self.ring.gens()[0], self.ring.constant(1)

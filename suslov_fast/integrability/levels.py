@@ -297,7 +297,8 @@ def _function_by(f: Any, variables: list[RationalFunction]) -> RationalFunction:
 def _solved(equations: list[Any], variables: list[int], x: list[Any] | None) -> _Solved:
     """Solve as many equations of a level as possible, each for one of the `variables`.
 
-    If x is a point of the level, equations are replaced by their components through x.
+    If x is a point of the level, each equation that is left is replaced by its component
+    through x.
     """
     best = _Solved([], equations, variables)
     candidates = []

@@ -102,10 +102,10 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 
 
 def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomials:
-    """Return a basis of the relations of all orbits if its quotients are integrals, else ().
+    """Return polynomials that span the relations of all orbits; () unless they give integrals.
 
-    They are integrals if the relations of one orbit span d dimensions, and the relations of all
-    orbits d + 1.
+    Quotients of these polynomials are integrals if the map is invertible, one orbit has d > 0
+    independent relations, and the relations of all orbits span d + 1 dimensions.
     """
     rng, dimension = map.generator(), count_relations(map, exponents).relations
     if dimension == 0 or not map.is_invertible:
@@ -210,7 +210,8 @@ class ImplicitIntegral:
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
     """Return circuits, minimal sets of `monomials` with a relation along orbits; small sets first.
 
-    For each order of the monomials, rows of the reduced echelon form of the relations are circuits.
+    A circuit is the set of monomials in a row of the reduced echelon form of the relations. Random
+    orders of the monomials give different circuits; some circuits may be missed.
     """
     p = map.prime
     relations = relations_along(map, monomials, EPS, arithmetic.random_point(map.dimension, p, rng))

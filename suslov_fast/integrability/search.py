@@ -67,9 +67,10 @@ class Task:
 
 
 class Queue:
-    """The tasks that are `waiting`. Iteration runs them in order, and yields each when it is done.
+    """The tasks that are `waiting`. Iteration runs them in order, and yields each finished task.
 
-    A task that is not `needed` waits until ``is_wanted(degree)`` is True for its degree.
+    A task runs only if it is `needed`, or if ``is_wanted(degree)`` is True for its degree.
+    Iteration ends when no such task is waiting.
     """
 
     def __init__(self, tasks: Tasks, is_wanted: Callable[[int], bool]) -> None:

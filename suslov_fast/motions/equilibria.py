@@ -427,10 +427,11 @@ class _Equations:
         return last, bool(self.is_zero(last))
 
     def near(self, y: FloatArray) -> tuple[Any, Any]:
-        """Return masks: Newton's method leads back to y from nearby; y is in a family.
+        """Return two masks: Newton's method converges from a state near y; y is in a family.
 
-        A component far below the others may have no true digits. If it has, only a displacement in
-        proportion to the component is small, so this one is tried, too.
+        First each component is displaced in proportion to `sizes`. For a component far below the
+        others this displacement may be too large. If Newton's method then fails, it starts again
+        from displacements in proportion to the components.
         """
         scale = np.maximum(self.sizes, abs(y))
         away = _PROBE * np.cos(np.arange(y.shape[-1]))

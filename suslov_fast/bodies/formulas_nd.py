@@ -82,7 +82,7 @@ def _sum(terms: FloatArray) -> FloatArray:
 
 
 def _rates(body: Any, omega: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the rates (after - w) / eps of a step to the next state `after`; f(w) if it is w.
+    """Return the rates (after - w) / eps of a step from w to `after`; f(w) if `after` is w.
 
     They are (p w_i - I_i |w|**2) / J_i, p = I . w, equation (14), with products of w and `after`.
     I_i w_i**2, which p w_i and I_i |w|**2 contain, cancels and is left out.
@@ -123,7 +123,8 @@ def _reaction(problem: Problem) -> FloatArray:
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
     """Return the eigenvalues of f' = (I.x) J**-1 P, where P projects onto the complement of I.
 
-    They are I.x times the squares of the singular values of P J**-1/2, so small ones keep digits.
+    They are I.x times the squares of singular values of P J**-1/2: squares of small singular values
+    keep more digits than small eigenvalues have.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)

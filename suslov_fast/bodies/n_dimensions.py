@@ -145,11 +145,11 @@ class SuslovND(Suslov):
     ]:
         """Return an equivalent body of fewer dimensions, if some of the J_i are equal.
 
-        The components with J_i = a become at most two. Let w and I_a be the parts of omega and I
-        in these components. One coordinate is u, the component of w along I_a, with the length of
-        I_a as its coupling; it is absent if I_a = 0. The other one is r, the length of the
-        remainder of w, with the coupling 0; it is absent if u is the only component. Both have
-        J = a. The reduced body has the same map, motion, energies and steady states.
+        At most two coordinates replace all components with J_i = a. Let w and I_a be the parts of
+        omega and I in these components. One coordinate is u, the component of w along I_a; its I is
+        the length of I_a, and u is absent if I_a = 0. The other one is r, the length of the
+        remainder of w, with I = 0; r is absent if u is the only component. Both have J = a. The
+        reduced body has the same map, motion, energies and steady states.
 
         Returns
         -------
@@ -167,7 +167,7 @@ class SuslovND(Suslov):
         Notes
         -----
         Each member of a batch is reduced by its own J and I. A member that needs fewer coordinates
-        than another has further ones, with the coupling 0, which are 0 and stay 0.
+        than another has further ones, with I = 0, which are 0 and stay 0.
 
         Some poles of the map, at states with J_i = eps (I . omega) / 2 for equal J_i, are no poles
         of the reduced body, which continues the map there.

@@ -2,8 +2,8 @@
 
 Let E be an eigenspace of diag(J), I_E the part of I in E, and E0 the vectors of E orthogonal to I.
 The part of omega in E0 keeps its direction, along the map and along the motion: the proof is in
-docs/theory/dimensions.md. So E contributes one coordinate u = omega . I_E / |I_E| with the coupling
-|I_E| unless I_E = 0, and one coordinate r with the coupling 0, the signed length of the part in E0,
+docs/theory/dimensions.md. So E contributes the coordinate u = omega . I_E / |I_E|, for which I is
+|I_E|, unless I_E = 0. It also contributes the signed length r of the part in E0, for which I is 0,
 unless E0 = 0. In these coordinates the equations are again equations of a body.
 """
 
@@ -18,7 +18,7 @@ class Reduction:
     """The coordinates u and r of a batch of bodies with J and I (..., m).
 
     Each member has its own eigenspaces, in the order in which their J appear first, and `count`
-    coordinates. If a result has more, its `size`, the other coordinates of the member are 0.
+    coordinates. All members of a result have `size` coordinates; further ones of a member are 0.
     """
 
     def __init__(self, J: FloatArray, I: FloatArray) -> None:

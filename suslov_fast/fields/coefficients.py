@@ -37,10 +37,10 @@ def of_equations(
     parameters: Sequence[Any],
     exactly: Callable[[float], Fraction] | None = None,
 ) -> Terms:
-    """Return the terms of `results`: the components of f (degree 2), or one H (degree 3).
+    """Return the terms of `results`: the components of f, of degree 2, or [H], of degree 3.
 
-    The values of terms are floats (..., T), where ... is the shape of `parameters`. For a single
-    field, a function `exactly` from floats to fractions makes them fractions.
+    The values of terms are floats (..., T), where ... is the shape of `parameters`. A function
+    `exactly`, from floats to fractions, makes the values of a single field fractions.
     """
     D, shape = len(equations.names), np.broadcast_shapes(*map(np.shape, parameters))
     ratios = equations.ratios
@@ -140,9 +140,10 @@ _RULES: dict[str, Callable[..., Any]] = {
 
 
 def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> Any:
-    """Return a function of constants as a polynomial or an array of bool; None for other operands.
+    """Return the value of a function if its operands are constants, else None.
 
-    A `select` with a constant condition selects between any two polynomials.
+    The value is a constant polynomial, or an array of bool. A `select` with a constant condition
+    selects between any two polynomials.
     """
     if name == "select" and not isinstance(operands[0], dict):
         condition, *(a, b) = operands

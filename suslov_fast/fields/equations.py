@@ -26,7 +26,7 @@ class Equations:
     names, parameters  names of variables and of parameters, which are the first operands
     values, results    the operations of f and H, and the operands that are components of f; their
                        order depends on f and H, not on how f was written
-    products           the same, with products of dense matrices as single operations
+    products           like `values`, but a product with a dense matrix is one operation
     H, K               the operand of H, and the entries (i, j, value) of K; None without H
     ratios             the fractions that were typed, by the nearest floats
     """

@@ -1,9 +1,10 @@
 """Mass matrices: x' of the equations M(x) x' = f(x) as formulas, by elimination in symbols.
 
-The pivots are chosen once, for all states: numbers before formulas, in a symmetric matrix from its
-diagonal. A formula that is 0 at all states is no pivot, because its rounding errors are not 0. A
-formula that changes its sign is 0 at some states, at which M may have an inverse: where only such
-pivots are left, Cramer's rule solves the last equations. It divides only by their determinant.
+The pivots are chosen once, for all states. Numbers are chosen before formulas, and pivots of a
+symmetric matrix from its diagonal. A formula that is 0 at all states is no pivot, because its
+rounding errors are not 0. A formula that changes its sign is 0 at some states, at which M may have
+an inverse: where only such pivots are left, Cramer's rule solves the last equations. It divides
+only by their determinant.
 """
 
 from __future__ import annotations

@@ -309,8 +309,9 @@ if hasattr(
 def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
     """Return the value of f, for which `np.array` and similar functions return `Symbols`.
 
-    NumPy's own functions return arrays of objects, which cannot be compared, and they have no hook.
-    So they are replaced in NumPy's module during the call; other threads see no change.
+    NumPy's own functions would return arrays of objects, which cannot be compared, and cannot be
+    overridden by a class. So they are replaced in NumPy's module during the call; other threads see
+    no change.
     """
     caller = threading.get_ident()
 

@@ -218,7 +218,8 @@ _NUMBERS = range(1, 9)  # numbers that are tried in place of s
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     """Return True if the orders in the `passage` of curve `number` are proved to be exact.
 
-    The orders were found modulo primes, where they are never too small. So an order 0 is exact.
+    The orders were found modulo primes. Such an order may be too large, never too small. So an
+    order 0 is exact.
     """
     if not passage.common_orders:
         return passage.steps is None
@@ -297,7 +298,7 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Follow the germ `first`; return (common order, curve orders) by step, and the last germ.
+        """Follow a germ, `first`; return (common order, curve orders) by step, and the last germ.
 
         There are `steps` steps, or fewer if `terms` powers of t do not suffice. The result is None
         if coordinates become too large.

@@ -215,7 +215,8 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield the cofactors of the polynomials of this degree among the map's factors and F_0.
 
-    `candidate_cofactors` may lack them, because these polynomials need not divide their pullbacks.
+    These polynomials need not divide their pullbacks, so that `candidate_cofactors` may lack their
+    cofactors.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:

@@ -196,10 +196,10 @@ def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
 
 
 def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
-    """Return the stages of a map, each as polynomials F_1, ..., F_D, F_0; it is their composition.
+    """Return stages, of which a map is the composition; each is polynomials F_1, ..., F_D, F_0.
 
     A stage ends where the remaining operations of the map's program need only D values that depend
-    on x. Errors begin with `name`.
+    on x. Messages of errors begin with the argument's `name`.
     """
     if not isinstance(map, Map):
         received = f"{kind_of(map)}: pass Map(f, names) of a function"

@@ -36,7 +36,8 @@ class HKBasis:
     last nonzero entry of a row is 1, and 0 in the other rows. `basis` is None if the numbers are
     too long, or eps is symbolic. `independent` is the number of independent first integrals among
     coefficients on random orbits. `integrals` are formulas: quotients of the polynomials `forms`.
-    `complete` is True if no formula is missing. `degree` is the highest degree of `monomials`.
+    `complete` is True if `integrals` has formulas for all of them. `degree` is the highest degree
+    of `monomials`.
     """
 
     degree: int

@@ -108,7 +108,8 @@ def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
 def _simplest(exponents: Any, residues: Sequence[tuple[Any, int]]) -> Rows:
     """Return a matrix of pairs (N, D) with the simplest rational coefficients for these residues.
 
-    `exponents` are the exponents in all N and D; `residues` has (all coefficients modulo p, p).
+    `exponents` are the exponents in all N and D. `residues` has a pair for each prime p: all
+    coefficients modulo p, and p.
     """
     total, modulus = np.zeros((), object), 1
     for coefficients, p in residues:  # the Chinese remainder theorem
@@ -242,7 +243,7 @@ def _scaled(pair: Any, sizes: Sequence[int]) -> list[list[int]]:
 def _terms(coefficients: Any, s: Sequence[int], points: Any, p: int) -> Terms | None:
     """Return the terms of a polynomial in letters; None if more lines s + z t are needed.
 
-    `coefficients` has, for each t in `points`, its coefficients in z on this line.
+    `coefficients` has, for each t in `points`, the coefficients in z of the polynomial at s + z t.
     """
     lower, terms = [[*of_line] for of_line in coefficients], Terms()
     for k in range(len(lower[0]) - 1, -1, -1):

@@ -2,9 +2,10 @@
 
 The rows of a matrix are the values of monomials m_i at points x_k of one orbit, some more points
 than monomials. Its null space consists of the relations (Petrera, Pfadler and Suris,
-arXiv:1008.1040). They depend on the orbit alone. If no part of the monomials has a relation, that
-of all is unique up to a factor, and each quotient c_i / c_j is a rational first integral. Its
-formula may have thousands of terms, but its value at a point follows from a few points of an orbit.
+arXiv:1008.1040). They depend on the orbit alone. If no part of the monomials has a relation, the
+relation of all is unique up to a factor, and each quotient c_i / c_j is a rational first integral.
+Its formula may have thousands of terms, but its value at a point follows from a few points of an
+orbit.
 """
 
 import math

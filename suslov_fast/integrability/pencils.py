@@ -85,7 +85,8 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
     """Return the polynomial in t that is 0 where the matrix first + t second loses rank.
 
-    Random combinations of rows make the matrices square. Roots that depend on them are left out.
+    Random combinations of rows make the matrices square. Roots that depend on the choice of these
+    combinations are left out.
     """
     columns, rows = first.ncols(), first.nrows()
     common = flint.nmod_poly([0], p)

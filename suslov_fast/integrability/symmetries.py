@@ -134,8 +134,8 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
 def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Iterator[list[Any]]:
     """Yield the isolated solutions modulo a prime, from products of equations and monomials.
 
-    These have at most the degree `most`. The values of all monomials at the solutions span their
-    null space.
+    Products up to the degree `most` are a matrix. Its null space is spanned by vectors of the
+    values that all monomials have at a solution.
     """
     n, p = unknowns.nvars(), int(unknowns.modulus())
     for degree in range(2, most + 1):
@@ -154,10 +154,10 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Itera
 
 
 def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:
-    """Yield the solutions, if the columns of `values` span the values of monomials at all of them.
+    """Yield the solutions, if the columns of `values` span the values of monomials at solutions.
 
     Rows belong to the monomials in n unknowns up to a degree. Multiplication by a random linear
-    form acts on the first `count` of these values; each eigenvector belongs to one solution.
+    form acts on the first `count` rows; each eigenvector belongs to one solution.
     """
     monomials = exponents_up_to(degree, n)
     row = {e: k for k, e in enumerate(monomials)}

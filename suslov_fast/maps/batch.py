@@ -200,9 +200,10 @@ class BatchRun:
     ) -> None:
         """Continue a group of trajectories to state `stop`, in chunks.
 
-        Chunks divide the batch before they divide time, so that their data stay in the caches. They
-        grow while they are short, because `cost` estimates the slowest steps. A block of lanes
-        takes the same time however few of them are used, so a batch of one block is serial.
+        Chunks divide the batch before they divide time, so that their data stay in the caches. If a
+        chunk takes little time, the next one is longer, because `cost` estimates slow steps. A
+        block of lanes takes the same time however few of them are used, so a batch of one block is
+        serial.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads

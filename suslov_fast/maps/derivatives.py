@@ -2,7 +2,8 @@
 
 A small field has an expression program for a step of a state and its tangent vectors
 (`kahan_step.ExtendedStep`), which the kernel of steps runs. For larger fields NumPy multiplies the
-vectors by the derivative of a step, A(x; eps)**-1 A(x_next; -eps); callers ignore its warnings.
+vectors by the derivative of a step, A(x; eps)**-1 A(x_next; -eps). Callers silence NumPy's
+warnings.
 """
 
 from collections.abc import Iterator

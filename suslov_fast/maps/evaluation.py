@@ -52,9 +52,9 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
 
 
 def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
-    """Return values, NaN for states with NaN; warn once of missing values of other states.
+    """Return the values, NaN where the state has a NaN; warn once where other values are missing.
 
-    A value is missing if it is NaN, or, without `poles`, infinite.
+    A value is missing if it is NaN or, unless `poles` is True, infinite.
     """
     with np.errstate(all="ignore"):
         total = values.sum()

@@ -270,8 +270,8 @@ class _Equations:
 
     moving    True for these variables (D,)
     start     their given values (..., k)
-    totals    matrices (..., k, k): a row has the coefficients c of a linear integral c . x of f if
-              the integral replaces the equation of this variable, else 0
+    totals    matrices (..., k, k): if a linear integral c . x of f replaces the equation of a
+              variable, its row is c, else 0
     is_total  True for rows with an integral (..., k)
     sizes     sizes of components (..., k), at least _LEAST times the largest one
     units     sizes of components (..., k), however small they are
@@ -429,9 +429,10 @@ class _Equations:
     def near(self, y: FloatArray) -> tuple[Any, Any]:
         """Return two masks: Newton's method converges from a state near y; y is in a family.
 
-        First each component is displaced in proportion to `sizes`. For a component far below the
-        others this displacement may be too large. If Newton's method then fails, it starts again
-        from displacements in proportion to the components.
+        First each component is displaced in proportion to its entry in `sizes`, or to its modulus
+        if that is larger. For a component far below the others this displacement may be too large.
+        If Newton's method then fails, it starts again from displacements in proportion to the
+        components.
         """
         scale = np.maximum(self.sizes, abs(y))
         away = _PROBE * np.cos(np.arange(y.shape[-1]))

@@ -296,11 +296,11 @@ def _rows_of(records: Any, starts: FloatArray, request: SolverRequest) -> Rows |
 def _again(
     engine: BatchSolver, result: SolverResult, table: FloatArray, starts: FloatArray
 ) -> SolverResult:
-    """Return a result in which trajectories with an alarm are computed again.
+    """Return a result in which trajectories with an alarm (`growing_components`) are recomputed.
 
-    Components that lost digits get relative digits (RELATIVE). A second alarm adds components, and
-    a third alarm adds all. A solution that ends sooner with relative digits than without them is
-    replaced by the solution without them, and is doubtful.
+    Components that lost digits are RELATIVE: their allowed errors are relative to their own values.
+    A second alarm adds components, and a third alarm adds all. A solution that ends sooner with
+    relative digits than without them is replaced by the solution without them, and is doubtful.
     """
     f, request = engine.f, engine.request
 

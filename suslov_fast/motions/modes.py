@@ -42,8 +42,8 @@ def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: in
 class Sliding:
     """Trajectories `where` (K,) of a batch of solutions, to be computed again with modes.
 
-    field, starts, request   of these trajectories, with modes; not set if there are no modes
-    contacts                 {number of an event in the order of code: component that is its mode}
+    field, starts, request   equations, states x0 and request with modes; missing without modes
+    contacts                 {number of an event, surfaces first: component that is its mode}
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class Sliding:
         self.request = request._replace(event_times=times, settings=settings, report=None)
 
     def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
-        """Return the result with trajectories `where` computed again, and attributes for `phases`.
+        """Return the result with trajectories `where` computed again, and attributes of `Motion`.
 
-        The solutions are differentiated with respect to `names`; `at_rest` is from
-        `starts_at_rest`.
+        The attributes say when solutions slide or rest. Solutions are differentiated with respect
+        to `names`. `at_rest` is from `starts_at_rest`.
         """
         where, D = self.where, self.x.shape[1]
         which, event = at_rest
@@ -153,9 +153,9 @@ class Sliding:
         return *of_f, *(each.tracer.text(each.surface) for each in touching)
 
     def records(self, records: Any, columns: Any = None) -> Any:
-        """Return records of the user's events, with their numbers, and without modes in states.
+        """Return the records of events that a user gave; states and numbers are without modes.
 
-        Derivatives keep the directions with the numbers `columns`.
+        Derivatives keep only the directions with the numbers in `columns`.
         """
         which = records.which
         kept = (which < self.surfaces) | (which > self.surfaces + self.count)

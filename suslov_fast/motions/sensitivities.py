@@ -68,10 +68,11 @@ def _power_of_2(values: FloatArray) -> FloatArray:
 
 
 def _of_records(records: Records, scales: FloatArray) -> Records:
-    """Return records with derivatives, in place of columns after the states.
+    """Return records with derivatives of times and states, which replace columns after states.
 
-    If the start changes along a column v, the event comes tau earlier, and the state at the event
-    changes by v - f tau. `records.of_columns` has tau of C columns, then f before and after.
+    If x0 or a parameter changes along a column v, the event comes tau earlier, and the state at the
+    event changes by v - f tau. `records.of_columns` has tau of all C columns, then f before and
+    after the event.
     """
     K, C = scales.shape
     D = records.states.shape[1] // (1 + C)

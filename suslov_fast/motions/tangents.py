@@ -220,7 +220,7 @@ class _Run:
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
         """Take a segment; return masks: it was short enough, and the next one may be longer.
 
-        If `is_last` is True, any segment is short enough, because there are no shorter ones.
+        If `is_last` is True, the segment counts as short enough, because it is the shortest one.
         """
         D, n, K = self.f.D, self.n, len(which)
         sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))

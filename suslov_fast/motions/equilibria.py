@@ -151,6 +151,11 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         rate in all members, such as time, it keeps the value that it has in `near`, and has neither
         an equation nor an eigenvalue.
 
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has the wrong type or shape, or is infinite.
+
     Warns
     -----
     UserWarning

@@ -193,7 +193,7 @@ def empty_result(starts: FloatArray, count: int) -> SolverResult:
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
     return SolverResult(
         states=np.full((count, *starts.shape), np.nan),
-        columns={name: np.zeros(B, kind) for name, kind in COLUMNS.items()},
+        columns={name: np.zeros(B, kind) for name, (_, kind) in COLUMNS.items()},
         ends=Ends(np.zeros(B), status, *np.zeros((2, B), np.int8)),
         records=Rows([], 1, starts),
     )

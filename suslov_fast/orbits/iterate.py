@@ -141,6 +141,11 @@ def iterate(
         The saved states and the status of each trajectory. A state on a pole has no next state:
         later states are NaN. For bodies :meth:`Suslov3D.exact` continues after a pole.
 
+    Raises
+    ------
+    SingularStepError
+        If a trajectory failed and `on_singular` is "raise".
+
     See Also
     --------
     flow : Solutions of equations to a tolerance.

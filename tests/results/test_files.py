@@ -213,6 +213,17 @@ def test_each_column_is_everywhere(tmp_path, kind):
         assert not column.meaning or data[name].attrs["long_name"] == column.meaning
 
 
+@pytest.mark.parametrize("kind", OF_KIND)
+def test_no_parameter_has_the_name_of_a_column(kind):
+    def orbit(name):
+        field = sf.Field.from_equations(f"u' = {name}*u", **{name: 1.0})
+        return sf.iterate(field, [1.0], 0.1, 1)  # some names are of runs alone
+
+    for column in schema.in_datasets(kind):
+        with pytest.raises(ValueError, match=f"{column.short}' clashes|parameters"):
+            orbit(column.short)
+
+
 # ---------------------------------------------------------------------------- tables of pandas
 FAMILY = sf.Field(lambda x, k: (x[1], -k * x[0]), "q v", k=[1.0, 4.0])
 PAIR = [[1.0, 0.0], [0.0, 2.0]]

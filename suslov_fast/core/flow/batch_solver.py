@@ -28,8 +28,8 @@ BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
-# Names and types of the rows of trajectories that results have as columns.
-COLUMNS = {"steps": np.dtype(np.int64)}
+# Columns of results by name: the row of a trajectory that has the value at its end, and the type.
+COLUMNS = {"steps": ("steps", np.dtype(np.int64))}
 
 integrator_of = functools.lru_cache(64)(Integrator)
 
@@ -191,7 +191,7 @@ class BatchSolver:
     table    values of `RightHandSide.table`: (n,), or (B, n) for each trajectory
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, state (B,), modulus of the time at which each trajectory ended, and its `LaneState`
-    columns  the rows `COLUMNS` of each trajectory at its end, by name
+    columns  `COLUMNS` of each trajectory at its end, by name
     lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: at first
              as given, or 0; at the end as computed, if they were given or there was an alarm
     doubtful (B,), True where an alarm has no effect
@@ -209,7 +209,7 @@ class BatchSolver:
         self.times = np.concatenate([request.times, NO_TIMES])
         self.components = components_of(f, settings)
         self.t = np.zeros(B)
-        self.columns = {name: np.zeros(B, kind) for name, kind in COLUMNS.items()}
+        self.columns = {name: np.zeros(B, kind) for name, (_, kind) in COLUMNS.items()}
         self.state = np.zeros(B, np.int8)
         self.records, self.doubtful = [], np.zeros(B, bool)
         self.is_stopped, self.event_times = False, None
@@ -291,7 +291,7 @@ class BatchSolver:
         state, t = flat[:, rows.state], flat[:, rows.t]
         self.t[block], self.state[block] = t, state
         for name, column in self.columns.items():
-            column[block] = flat[:, getattr(rows, name)]
+            column[block] = flat[:, getattr(rows, COLUMNS[name][0])]
         self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
         if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
             self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]

@@ -33,7 +33,10 @@ class _PreparedRunner(batch_solver.StepRunner):
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
         self.x, self.watches = rows[:, : f.D], rows[:, places.watches]
         self.state = rows[:, places.state]
-        self.columns = {name: rows[:, getattr(places, name)] for name in batch_solver.COLUMNS}
+        self.columns = {
+            name: (rows[:, getattr(places, row)], kind)
+            for name, (row, kind) in batch_solver.COLUMNS.items()
+        }
         first = both.copy()  # the content with which each call begins
         self.first_table = first[count:].reshape(shape)
         self.now, self.first = both.data, first.data  # Python copies `data` faster than NumPy does
@@ -103,8 +106,7 @@ def solve_small_batch(f, table, x0, request):
         own = runner.table.copy() if f.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
-        kinds = batch_solver.COLUMNS
-        columns = {name: column.astype(kinds[name]) for name, column in runner.columns.items()}
+        columns = {name: row.astype(kind) for name, (row, kind) in runner.columns.items()}
         found = states, columns, records, None
         if starts is not None:
             batch_solver.add_starts(f, starts, states, records)

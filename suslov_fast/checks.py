@@ -176,7 +176,7 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
 def without_fractions(value: Any) -> tuple[Any, Any]:
     """Return numbers with floats in place of fractions, and the exact numbers or None."""
     if isinstance(value, Fraction | list | tuple | np.ndarray):
-        with suppress(Exception):  # the caller raises the error of other values
+        with suppress(Exception):  # for other values the caller raises an error
             exact = np.asarray(value)
             if exact.dtype.kind == "O" and any(isinstance(a, Fraction) for a in exact.flat):
                 return np.vectorize(float, [object])(exact)[()], exact

@@ -201,7 +201,7 @@ def _checked(system: Any, eps: Any, steps: Any, time: Any, options: Any) -> dict
 
 
 def _batch_of(given: dict[str, Any], chunks: int) -> tuple[int, ...]:
-    """Return the batch shape of the arguments; `chunks` is the number of calls of x0, or 0."""
+    """Return the batch shape of the arguments; a function x0 is called for `chunks` numbers."""
     shapes: dict[str, Any] = {
         name: np.shape(given.get(name, 0.0))[: -k or None] for name, k in _INNER.items()
     }

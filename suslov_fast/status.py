@@ -87,7 +87,7 @@ _MESSAGES = {
 
 
 class IntegrationWarning(RuntimeWarning):
-    """Some trajectories of a batch ended early, left the motion, or lost digits.
+    """Some trajectories ended early, lost digits, or passed a pole and left the motion.
 
     - **They failed**: `status` is negative, and states of a run are NaN from number `failed_at` on.
       :class:`Status` lists the causes. Other trajectories are not affected. With

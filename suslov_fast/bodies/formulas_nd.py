@@ -108,9 +108,10 @@ def _modified_energy(problem: Problem) -> FloatArray:
 
 
 def _reaction(problem: Problem) -> FloatArray:
-    """Return lambda_ij = I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2, (13).
+    """Return the reaction of equation (13), for a step from w to the next state `after`.
 
-    s are the rates (after - w) / eps.
+    lambda_ij = I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2, with the rates
+    s = (after - w) / eps.
     """
     body, omega = problem.body, problem.omega
     after = states_after(problem) if np.any(problem.eps) else omega

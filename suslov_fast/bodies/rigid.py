@@ -152,7 +152,7 @@ class Suslov3D(Suslov):
         T, signs = self._inertia(0.0), np.diag([-1.0, -1.0, 1.0])
         B = np.trace(T, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 2 * T
         ends = np.sort(np.linalg.eigvals(signs @ B).real, axis=-1)[..., 1:]
-        # If the body exists, the two smaller moments together exceed the largest one in between.
+        # Bodies exist if, for I3 half-way, the smaller moments together exceed the largest one.
         moments = np.linalg.eigvalsh(self._inertia(ends.mean(axis=-1)))
         exists = moments.sum(axis=-1) > 2.0 * moments[..., -1]
         low, high = np.moveaxis(np.where(exists[..., None], ends, np.nan), -1, 0)

@@ -27,7 +27,7 @@ Polynomial = dict[tuple[int, ...], Any]
 
 # ------------------------------------------------------------ coefficients of lists of operations
 class NotQuadratic(TypeError):
-    """Equations have no coefficients of degree 2; the text is the reason."""
+    """Equations are no polynomials of degree 2 or less; the text says why."""
 
 
 def of_equations(

@@ -30,7 +30,7 @@ _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 # A program of up to _MOST_OPERATIONS operations is compiled after _PATIENCE calls in NumPy, because
 # compiling it takes no longer than these calls took.
 _PATIENCE, _MOST_OPERATIONS = 500, 3000
-_LONG = 4000  # number of terms above which loops evaluate a field with most coefficients
+_LONG = 4000  # number of terms above which loops evaluate a field with few zero coefficients
 
 # Parameters with respect to which motions are differentiated, in addition to their initial states;
 # None for motions without derivatives.

@@ -36,8 +36,8 @@ _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger c
 class Passage(NamedTuple):
     """Orders in t of the images of germs c + t v, where c is a point of a contracted curve.
 
-    Image k is the image after k = 1, 2, ... steps. The orders end with the last image that begins
-    at a point without an image.
+    Image k is the image after k = 1, 2, ... steps. The last image with orders is the last one that
+    is, for t = 0, a point without an image.
     """
 
     common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1
@@ -257,7 +257,7 @@ class _Germs:
             self.first = []
 
     def _point_of_curve(self) -> list[Any]:
-        """Return a point of the curve on a fixed line; coordinates contain the number r."""
+        """Return a point of the curve on a fixed line; coordinates are polynomials in a root r."""
 
         def on_line(unit: Any) -> list[Any]:
             return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
@@ -300,8 +300,9 @@ class _Germs:
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
         """Follow a germ, `first`; return (common order, curve orders) by step, and the last germ.
 
-        There are `steps` steps, or fewer if `terms` powers of t do not suffice. The result is None
-        if coordinates become too large.
+        Orders are the powers of t that divide the coordinates, and the equations of curves, on
+        images of the germ. There are `steps` steps, or fewer if `terms` powers of t do not suffice.
+        The result is None if coordinates become too large.
         """
         germ, orders = self.first, []
         for k in range(steps + 1):

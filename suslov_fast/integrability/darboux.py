@@ -213,10 +213,10 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield the cofactors of the polynomials of this degree among the map's factors and F_0.
+    """Yield the cofactors of polynomials of this degree at which the map may have poles.
 
-    These polynomials need not divide their pullbacks, so that `candidate_cofactors` may lack their
-    cofactors.
+    These are the common denominator F_0 and its known factors. They need not divide their
+    pullbacks, so that `candidate_cofactors` may lack their cofactors.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:

@@ -218,7 +218,7 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
 
 
 def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) -> bool:
-    """Return True if the orbit of curve `number` modulo a prime is periodic, with all images.
+    """Return True if the orbit of curve `number` modulo a prime is periodic and meets no pole.
 
     The orbit is the residue of an exact one: it begins at a smooth point of the curve, which is the
     residue of a p-adic point of the curve, and its orders must be those in `passage`.

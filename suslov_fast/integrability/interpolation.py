@@ -40,7 +40,7 @@ class Watch:
     """Callbacks of `over_rationals`, to show progress; an exception in one ends the search."""
 
     def at_values(self, done: int) -> None:
-        """Take the number of searches done; called before each search at numbers for letters."""
+        """Note how many searches are done; called before each, with numbers in place of letters."""
 
     def gave_up(self, reason: str) -> None:
         """Take the reason why `over_rationals` returns None."""

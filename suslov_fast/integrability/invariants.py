@@ -5,8 +5,8 @@ is the density of an invariant measure. A product of powers of Darboux polynomia
 of powers of their cofactors: it is a first integral if ``C_1**e_1 ... C_n**e_n = 1``, and these
 exponents form a lattice.
 
-The polynomials of one cofactor span a space. Its basis in normal form consists of reducible
-polynomials, if there are any, and stays independent in the limit for eps to 0.
+The polynomials of one cofactor span a space. Its basis in normal form has reducible polynomials
+before others, and stays independent in the limit for eps to 0.
 """
 
 import contextlib

@@ -73,7 +73,7 @@ def gradients_of_coefficients(
 
 
 class Counted(NamedTuple):
-    """The number of relations along an orbit, and of independent integrals among coefficients."""
+    """Numbers of relations along an orbit and of independent integrals among coefficients."""
 
     relations: int
     integrals: int

@@ -115,7 +115,7 @@ class BatchRun:
 
     @property
     def by_sign(self) -> Any:
-        """True for trajectories whose pole was found by a change of sign, not by det A < 0."""
+        """True where a component that keeps its sign changed it: a pole with det A > 0."""
         return self.steps.notes_poles and self.carry[0].reshape(self.problem.batch) < 0
 
     def to(

@@ -62,7 +62,7 @@ def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOL
 
 
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Group trajectories by the zeros of their fields; yield the indices and arguments of a group.
+    """Group trajectories by which coefficients are 0; yield the indices and arguments of a group.
 
     The operations of a step, and so its rounding errors, depend on which terms are 0. Without
     groups, the bits of a trajectory would depend on the fields of other trajectories.

@@ -91,9 +91,9 @@ def flow(
         stays below `rtol` times its size. The size is the largest absolute value that it has had on
         the trajectory, and at least 2**-60 times the largest size of all components. With `rtol`
         above 3e-5 (1e-8 in implicit steps; 1e-6 for a component that is a factor of its rate),
-        small values have smaller errors. If a component becomes so small that it loses its digits,
-        and then grows again by itself, the trajectory is computed again with a relative tolerance
-        for this component.
+        errors are smaller while a component is far below its size. If a component becomes so small
+        that it loses its digits, and then grows again by itself, the trajectory is computed again
+        with a relative tolerance for this component.
     atol : float or array_like(float, shape=(D,)), optional
         Absolute tolerance, 0 or more. If it is given, the estimated error of component i stays
         below ``atol[i] + rtol * abs(x[i])``, or below the rounding error of the step if that is

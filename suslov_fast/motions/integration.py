@@ -152,7 +152,7 @@ class SolverResult(NamedTuple):
         return self.ends or Ends(np.full(B, np.nan), *np.zeros((3, B), np.int8))
 
     def without_steps(self, has_no_value: NDArray[np.bool_]) -> SolverResult:
-        """Return this result for trajectories that need no steps, or have no value at x0 (B,)."""
+        """Return a copy in which trajectories `has_no_value` (B,) end at x0, and no others."""
         result = self._replace(ends=None)
         ends = result.all_ends
         ends.status[has_no_value] = Status.NONFINITE

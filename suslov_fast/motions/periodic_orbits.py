@@ -270,7 +270,7 @@ def _warn_of_distance(search: Shooting, x0: FloatArray) -> None:
 
 
 def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
-    """Return the orbit, after a warning if more than the `known` integrals make it a family."""
+    """Return the orbit; warn if it is in a larger family than the `known` integrals explain."""
     product = np.eye(len(search.moving))
     for slopes in search.slopes:
         product = slopes @ product

@@ -174,7 +174,7 @@ class _Run:
         request = SolverRequest(np.array([time]), 1, settings, self.threads, event_times=times)
         run = _Run(self.f, self._table(which), x[which], self.moving, request)
         run.is_first, run.acts = False, self.is_first
-        # After a second alarm all components have relative digits.
+        # After a second alarm the tolerance of all components is relative.
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
         goes_on = run.through(transient, time, report)
         for name in ("logs", "duration", "dead", "t", "status"):

@@ -32,10 +32,10 @@ class _Wave(NamedTuple):
 
 
 def longest_step(values, f, steady):
-    """Return the operand of the longest step of a `Program` f, infinity if f has no pulses.
+    """Return the operand of the longest step that misses no pulse of f; infinity without pulses.
 
-    The operand depends on parameters alone, and is added to the `Expressions` `values`. `steady`
-    are the components of constant rates.
+    The operand depends on parameters alone, and is added to the `Expressions` `values`. f is a
+    `Program`, and `steady` are its components of constant rates.
     """
     number, longest = values.number, values.number(inf)
     known = {i: _Wave(abs(number(f.results[i]))) for i in steady}

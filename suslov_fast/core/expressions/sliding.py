@@ -47,7 +47,7 @@ class _Rates:
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
-        # If f has no value beyond a surface, |s| is at least 0 there.
+        # If f may have no value beyond a surface, as a root, its argument is kept at 0 or more.
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
         self.size = count + len(touching) + 2 * bool(touching)
         self.values = values = ExtendedState(D, self.size, P)
@@ -194,7 +194,7 @@ class SlidingEquations(_Rates):
         if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
-            # A body that leaves its rest has no rate.
+            # The rate of a body that leaves its rest is rounding, so `holds` decides its side.
             action = action._replace(most=inf, holds=int(action.direction < 0))
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])

@@ -33,7 +33,7 @@ FASTER = 4.0  # growth of the rate of x by an action, above which the next step 
 
 
 def _level(is_above, value, rounding):
-    """Return 0 if s = `value` is on the side `is_above` of 0, else a level that puts it there."""
+    """Return a level c for which s - c is on the side `is_above`, with s = `value`; 0 if s is."""
     below = (value < 0.0).select(0.0, value + (rounding + LEAST))
     return is_above.select(smaller(value, 0.0), below)
 
@@ -173,9 +173,10 @@ def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, l
 
 @scalar_kernel
 def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
-    """Return `state`, `often` and the time `at` of actions, or their `limit` if they accumulate.
+    """Return the time `at` of actions, `often`, how many followed at once, and the lane's `state`.
 
     Actions accumulate if they are `endless` at one instant, or if ACTIONS_AT_ONCE follow at once.
+    Then `at` is the `limit` of their times.
     """
     often_now = (more > 0.0).select(often + more, 0.0)
     piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)
@@ -279,7 +280,7 @@ def _look_a_moment_later(code):
 
 
 def _at_surface(rows, k):
-    """Return the numbers of surface k, a dict; `rows` are `toward` or `ahead`."""
+    """Return {name: number} for surface k, such as its value and rate, from results of `toward`."""
     names = "value", "rate", "size", "rate_size", "slopes"
     return {name: rows.after(n)[k * OF_SURFACE] for n, name in enumerate(names)}
 

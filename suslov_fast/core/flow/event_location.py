@@ -60,7 +60,7 @@ POINT = scalar_kernel(functools.partial(_point, quartic=0.0))
 
 @scalar_kernel
 def QUARTIC(x, new, f, f_new, signed, f_point):
-    """Return `quartic`, with which `_point` has the rate `f_point` at the fraction POINTS[0]."""
+    """Return `quartic`, with which the curve of `_point` has the slope `f_point` at POINTS[0]."""
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
     of_cubic = (
@@ -239,7 +239,7 @@ def cut(code, before, total):
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
     text.copy(line.side, work.sides, 2 * surfaces)
-    if surfaces and not any(integrator.events.holds):  # a solution that ends at a surface stays
+    if surfaces and not any(integrator.events.holds):  # a solution that ends keeps its state
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
         with text.when(ended.any(), likely=False):
             for i in text.each(code.D):

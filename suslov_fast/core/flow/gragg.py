@@ -83,7 +83,7 @@ class ExplicitColumns(FunctionCode):
         return self.text
 
     def parts(self, inner):
-        """Add a loop over registers with the lanes of `inner`; yield x, f, work, table of each."""
+        """Add a loop over parts of a pack, as wide as `inner`; yield x, f, work, table of each."""
         for part in self.text.each(self.text.W // inner.W):
             offset = part * (8 * inner.W)
             x, f, work = (Index(self.text, f"%{name}") + offset for name in ("x", "f", "work"))

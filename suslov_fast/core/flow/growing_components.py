@@ -201,8 +201,8 @@ def find_alarms(code):
 def watch(code, alerts, on_trial):
     """Watch components after a step: in lanes `alerts`, and where some have lost digits.
 
-    Explicit steps watch lost digits in every second step, and at the end. Errors that a second
-    trial allows (`on_trial`) are rounding of the component, and do not count.
+    Explicit steps watch lost digits in every second step, and in the last step of a solution. In
+    lanes `on_trial` a second trial has allowed the errors: they are rounding, and do not count.
     """
     line, work, text = code.line, code.work, code.text
     watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0

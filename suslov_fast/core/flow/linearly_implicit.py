@@ -102,7 +102,7 @@ class ImplicitColumns(FunctionCode):
         text.fill(work.at_end, D, _plus_part, work.at_end, weight * 0.5, right)
 
     def begin_quarters(self):
-        """Begin sums for states at quarters; list the quarter (0 to 2) that sub-steps end, or 3."""
+        """Begin sums for states at quarters of the step; list which sub-steps end at a quarter."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
@@ -129,7 +129,7 @@ def find_apart(code):
 
 
 def find_apart_at_end(code, errors):
-    """Return `apart` of `errors`, and update `right`; f' at the end may make both larger."""
+    """Return the test of false steps, `apart`, in which f' at the end of the step counts, too."""
     text, work, D = code.text, code.work, code.D
     s = work.signed[0] * (1.0 / IMPLICIT[-1])
     text.fill(work.a, D, add, work.new, work.right)

@@ -74,8 +74,9 @@ def SECOND(
 ):  # fmt: skip
     """Return errors of a component relative to its allowed error in the trial, and `inverse`.
 
-    If the step is hardly longer than the rounding of time, the `largest` change of f is allowed in
-    place of the `least` of both ends, because sub-steps contain little except rounding.
+    The allowed error follows from the `least` change of f at both ends of the step. If the step is
+    hardly longer than the rounding of time, it follows from the `largest` change, because sub-steps
+    contain little except rounding.
     `of_length`, the ratio for the next length, omits errors that only rounding allows: these do not
     shrink with the step.
     """

@@ -167,7 +167,7 @@ def AFTER(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
     of_length, reach, last, longest,
 ):  # fmt: skip
-    """Decide whether a step is accepted, or a step aside has `served`; return the rows after it."""
+    """Decide whether a step is accepted, and whether a step aside is; return the rows after it."""
     is_finite = total < inf
     is_active = taken > 0.0
     sees = is_finite & (kept > 0.0)  # the error estimate is valid
@@ -278,7 +278,7 @@ def TURN_IMPLICIT(
 
 def choose_length(code):
     """Add code that writes the length of the next step in each lane, or 0, to the row `taken`."""
-    # An implicit step aside goes to each time, because a fast mode may decay within a step.
+    # Each requested time has an implicit step aside, because a fast mode may decay within a step.
     second = inf if code.integrator.is_implicit else code.line.second[0]
     reach = code.apply(NEAR)["reach"]
     found = code.apply(LENGTH, mode=code.mode, second=second, reach=reach, last=code.goal())

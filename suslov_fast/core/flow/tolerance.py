@@ -40,7 +40,7 @@ def floors_of(rtol, keeps):
 
 @scalar_kernel
 def LARGEST(x, new, largest, counts, top, moved):
-    """Update `moved`, the largest change of a clock (`counts` 0), and `top` = max(|x|, `moved`)."""
+    """Update `moved`, the largest change of a clock, and `top`, the largest of it and all sizes."""
     change = (counts > 0.0).select(0.0, abs(new - x))
     size = (counts > 0.0).select(larger(abs(new), largest), change)
     return {"top": larger(size, top), "moved": larger(change, moved)}

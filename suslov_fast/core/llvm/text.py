@@ -40,7 +40,7 @@ class _Name:
         return self.name
 
     def _number(self, operand):
-        """Return an operand as instructions write it: unchanged. `Value` makes floats constants."""
+        """Return an operand as it stands in instructions; `Value` writes floats as constants."""
         return operand
 
     def _operate(self, instruction, a, b):

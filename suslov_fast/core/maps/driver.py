@@ -138,7 +138,7 @@ class _Driver:
         self.slots[SLOT.budget] = self.slots[SLOT.budget] - 1
 
     def take_stage(self, state, table, line, n):
-        """Add the code of stage n of a line at the address `state`; return its next state."""
+        """Add stage n for a SIMD pack, the state at the address `state`; return the next state."""
         text, step, rows = self.text, self.step, self.text.array(state)
         if self.for_each:
             table = table + line * (len(step.table) * text.size)

@@ -240,7 +240,7 @@ class CFunction(Tiered):
             return _address(self.compiled, self.kinds)
 
     def address(self, seconds=math.inf):
-        """Return the address of machine code, or of a Python function if it takes few `seconds`.
+        """Return the address of machine code, or of a Python function that takes few `seconds`.
 
         Code that may call the Python function must run within `calling_python`.
         """

@@ -130,7 +130,7 @@ def steady(g1, g2, h1, h2, x, nu):
 
 @formula
 def difference_of_squares(ell, x, nu, k, X, K):
-    """Return A**2 - k**2; X and K are e ell and e k for the map, but 0 for the flow."""
+    """Return A**2 - k**2, by the identity in the head of this file; X = K = 0 for the flow."""
     return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
@@ -222,9 +222,10 @@ def fill_orbit(b, l, is_map):
 
 @formula
 def rate(passes, L, r, is_map):
-    """Return log|r| of an orbit that passes; otherwise the angle a, or a - pi / 2 if L > 1.
+    """Return the rate of an orbit: log|r| if it passes, else the angle a, or a - pi / 2 if L > 1.
 
-    L is e root, so that a = arctan(L). For the flow, log r is -2 L, and a is L.
+    Letters are as in the head of this file; L is e root, so that a = arctan(L). For the flow, log r
+    is -2 L, and a is L.
     """
     if is_map == 0.0:
         return -2.0 * L if passes > 0.0 else L

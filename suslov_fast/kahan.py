@@ -155,12 +155,12 @@ def invariant_density(system: BodyOrField, x: ArrayLike, /, eps: Reals) -> Float
     For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
     dimensions rho = 1 / (l (4 I1 I2 + eps**2 l**2)), where l = I13 Omega1 + I23 Omega2 + k.
 
-    In n dimensions rho = 1 if I = 0. Otherwise rho is known if :meth:`SuslovND.reduced` returns a
-    body with two components, or with three components and only one entry of I other than 0. For
-    three components (w1, w2, w3) and I = (I1, 0, 0) rho = 1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 -
-    (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). If the reduction replaces a vector of k dimensions
-    by its length r, rho has the further factor r**(1 - k); for odd k > 1 the identity above then
-    holds up to a sign.
+    In n dimensions rho = 1 if I = 0. Otherwise rho is known if :meth:`suslov_fast.SuslovND.reduced`
+    returns a body with two components, or with three components and only one entry of I other than
+    0. For three components (w1, w2, w3) and I = (I1, 0, 0) rho = 1 / (w2 w3 (1 - (eps I1)**2 (J1
+    w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). If the reduction replaces a vector of k
+    dimensions by its length r, rho has the further factor r**(1 - k); for odd k > 1 the identity
+    above then holds up to a sign.
 
     Methods of higher order do not have these measures.
 

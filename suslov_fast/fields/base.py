@@ -40,7 +40,13 @@ class Body(Members, metaclass=Answering):
     # The direction (..., D) of the line of steady states through 0; NaN for members without one.
     _steady_line: ClassVar[Any] = None
     _meaning: ClassVar[str] = ""  # meaning of the parameters, in messages
-    dimension: ClassVar[Any] = 2
+    if TYPE_CHECKING:
+
+        @property
+        def dimension(self) -> int: ...
+
+    else:
+        dimension = 2
     _is_solved: ClassVar[Any] = False  # True if the motion has a closed form
     _field: ClassVar[Any]  # the equations of motion; TypeError for a `Map`, which has none
     _labels: ClassVar[Any] = "Omega1", "Omega2"  # names of the components of states

@@ -68,7 +68,7 @@ def _power_of_2(values: FloatArray) -> FloatArray:
 
 
 def _of_records(records: Records, scales: FloatArray) -> Records:
-    """Return records with derivatives of times and states, which replace columns after states.
+    """Return records with the derivatives of times and states in place of `of_columns`.
 
     If x0 or a parameter changes along a column v, the event comes tau earlier, and the state at the
     event changes by v - f tau. `records.of_columns` has tau of all C columns, then f before and

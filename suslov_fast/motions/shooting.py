@@ -284,11 +284,11 @@ def _sizes(flow: FieldFlow, start: FloatArray, T: float) -> FloatArray:
 
 
 def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float]:
-    """Return the time after which the motion returns near its start, or None; and the last time.
+    """Return the time after which the motion returns near its start, or None; and a last time.
 
-    The search ends at the last time. At a return the motion is nearer to the start than before and
-    after, and it has been far away. It need not cross the plane through the start normal to f,
-    because the start may be off the orbit.
+    The motion was searched up to the last time. At a return the motion is nearer to the start than
+    before and after, and it has been far away. It need not cross the plane through the start normal
+    to f, because the start may be off the orbit.
     """
     moving = ~flow.drifts
     fastest, size = float(abs(flow.rate[moving]).max()), abs(start[moving]).max()

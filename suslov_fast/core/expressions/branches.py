@@ -133,8 +133,8 @@ def watch_of(f, surfaces):
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
-    `results` are operands in `values`, functions of the state and P parameters. Starts of clocks
-    and branches are further parameters; without branches `f.branches` is None. f is also
+    `results` are operands in `values`, functions of the state and P parameters. Branches, and the
+    start values of clocks, are further parameters; without branches `f.branches` is None. f is also
     differentiated by the parameters `by`. If `twice`, it is differentiated with columns later
     (`variational`). `actions` are `EventAction`s: of events on surfaces, then at times.
     """

@@ -139,7 +139,8 @@ class EventSet(NamedTuple):
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
 
-    The parts of event k, with tau and columns v as in the equations above, are
+    One part is common to all surfaces; the others are parts of event k, with tau and columns v as
+    in the equations above:
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets

@@ -41,9 +41,9 @@ def _level(is_above, value, rounding):
 def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0, and whether it `is_on` the surface.
 
-    A state is on the surface if |s| is rounding, or if s becomes 0 within the time NEARLY * t. Then
-    the side is the one to which the rate leads, and the level moves so that s lies there. If the
-    rate is rounding, the state STAYS.
+    The state is above if s >= `level`, usually 0. It is on the surface if |s| is rounding, or if s
+    becomes 0 within the time NEARLY * t. Then the side is the one to which the rate leads, and
+    `level` moves so that s is on this side. If the rate is rounding, the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
     is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding

@@ -4,9 +4,10 @@ A step evaluates surfaces at POINTS of its length, at the states (`POINT`)
 
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
-and the program `watch` of f compares both ends of each part. A step that may hide two crossings
-between points (`double_crossings`) is repeated with less length. Then f at one point makes the
-states more accurate. In implicit steps a polynomial of degree 4 through the quarters gives them.
+and the program `watch` of f compares the signs of surfaces at both ends of each part. A step that
+may hide two crossings between points (`double_crossings`) is repeated with less length. Then f at
+one point makes the states more accurate. In implicit steps a polynomial of degree 4 through the
+quarters gives them.
 
 A step that crosses a surface is repeated with other lengths from the same state (`SEARCH`). They
 lie between `inner`, at which no surface is crossed, and `outer`, at which one is crossed. Newton's
@@ -106,7 +107,7 @@ def CROSSES(
 ):  # fmt: skip
     """Return whether a step crosses a surface, ends just beyond it, or may hide two crossings.
 
-    In a search only a crossing between both ends matters, or two that points show (`twice`).
+    In a search a step crosses if its two ends show this, or if its points show two (`twice`).
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last

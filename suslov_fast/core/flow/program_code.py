@@ -1,4 +1,4 @@
-"""Programs of a right-hand side at one state as machine code: its table, f, and entries of f'.
+"""Machine code of a right-hand side at one state: of its table of numbers, of f, and of f'.
 
 The bits are the same as in NumPy, which would need a microsecond for each operation.
 """

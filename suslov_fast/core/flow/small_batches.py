@@ -1,7 +1,7 @@
 """Small batches of trajectories, in memory that is kept from call to call.
 
 Allocating memory would take longer than the steps. Steps and bits are the same as in `BatchSolver`,
-which continues if a trajectory ends, or if one of several changes to the other integrator.
+which continues if a trajectory ends, or if one of several becomes explicit or implicit.
 """
 
 import functools

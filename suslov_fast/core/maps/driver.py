@@ -207,10 +207,10 @@ class _Driver:
                     place[k] = x[k]
 
     def save(self, line, row, state, final):
-        """Add code that copies line number `line` to saved states, one trajectory after the other.
+        """Add code that copies a pack of lanes, `line`, to saved states, trajectory by trajectory.
 
-        `row` and `state` are the addresses of the saved states and of the line. The values `final`
-        of a whole line are shuffled in registers: loops over lanes take 1.57 times as long.
+        `row` and `state` are the addresses of the saved states and of the pack. If all lanes are in
+        use, their values `final` are transposed in registers: loops take 1.57 times as long.
         """
         text, W, D = self.text, self.text.W, self.D
         place = row + line * (8 * W * D)

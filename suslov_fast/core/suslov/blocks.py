@@ -43,9 +43,9 @@ def pick(parameter, i):
 def alignment(out, begin, batch, lanes):
     """Return `lead`, `shift` and `shared`, which align blocks that write to `out` with cache lines.
 
-    A row of `out` has two numbers for each of `batch` trajectories, and a block writes `lanes` of
-    them, the first from trajectory `begin` on. If two blocks write parts of one line, the processor
-    reads it first, which doubles the time.
+    A row of `out` has two numbers for each of `batch` trajectories. A block writes the numbers of
+    `lanes` trajectories, the first block from trajectory `begin` on. If two blocks write parts of
+    one line, the processor reads it first, which doubles the time.
 
     lead     the numbers of `out` before its first line, -1 if `out` is small
     shift    the trajectories that the first block lacks, so that later blocks start at a line

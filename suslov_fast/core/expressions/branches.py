@@ -58,7 +58,7 @@ class Branches(NamedTuple):
 
     surfaces  the `Surface`s at which branches change: first those where f jumps, then kinks
     P         how many other parameters f has
-    shifts    places in `surfaces` of tables at arguments p + q, with q constant along a step
+    shifts    indices in `surfaces` of tables at arguments p + q, with q constant along a step
     joins     True if several comparisons have the same two numbers (`_groups_of`)
     jumps     the number of parameters that hold branches at which f jumps
     """
@@ -75,8 +75,8 @@ class Branches(NamedTuple):
 def watch_of(f, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
-    The program reads the values of all `surfaces` at x, then at y; for surfaces of events the side
-    of x and the level at which they act (row `side` of `flow.memory`); and f's table. Its results:
+    The program reads the values of all `surfaces` at x, then at y; for each surface of an event the
+    side of x and the level (both in rows `side` of `flow.memory`); and f's table. Its results:
 
     1. the fraction of the line before the first crossing, or 1 without a crossing,
     2. 1 if a surface is crossed, else 0,
@@ -192,8 +192,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
 def _groups_of(operations, jumps):
     """Return {number: group} of the comparisons in `jumps` that have both operands in common.
 
-    A group has all comparisons of the same a and b. It is {number: (its truth where a > b, its
-    truth where a < b)}, with 1.0 for true.
+    A group is the dict {number: (truth where a > b, truth where a < b)} of all comparisons of the
+    same a and b, with 1.0 for true. `jumps` has the numbers of values at which f jumps.
     """
     groups = {}
     for name, number, operands in operations:
@@ -205,12 +205,12 @@ def _groups_of(operations, jumps):
 
 
 def _passed(tests, number, group, choices, truth, a, b):
-    """Return the operand of the truth value that a comparison of a and b has as its new branch.
+    """Return the operand of the new branch, a truth value, of comparison `number` of a and b.
 
-    Usually this is `truth`. But if a motion meets a = b, all comparisons of the `group` change at
-    once, as if the motion were already beyond the surface. Otherwise np.sign would be 0 there, and
-    f would jump twice. `choices` is {number of a comparison: parameter of its old branch}; old
-    branches are NaN at first and after an action.
+    Usually the new branch is `truth`. But if a motion meets a = b, all comparisons of the `group`
+    change at once, as if the motion were already beyond the surface. Otherwise f would jump twice,
+    because np.sign is 0 on the surface. `choices` is {number of a comparison: parameter of its old
+    branch}; old branches are NaN at first and after an action.
     """
     meets, result = tests.emit("oeq", a, b), tests.number(truth).select(1.0, 0.0)
     for k in (0, 1):
@@ -225,9 +225,9 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
 
     Values below number `first` are the state and the other parameters. `surfaces` is {number of a
     condition: `Surface`}. `shifted` is {number of a table's value: (p, q)}: the argument of the
-    table is p + q, where q is constant along a step. The results are {old operand: operand in
-    `fixed`}, and for all surfaces the operands of their functions in `fixed` (of p for p + q), of
-    their branches in `tests`, and of each q in `fixed`.
+    table is p + q, where q is constant along a step. Return {old operand: operand in `fixed`}, and
+    three lists of operands: the functions of all surfaces in `fixed`, with p in place of p + q; the
+    branches of all surfaces in `tests`; and each q in `fixed`.
     """
     functions, branches, shifts = {}, {}, {}
     choices = {number: surface.number for number, surface in surfaces.items()}
@@ -302,7 +302,7 @@ def _choices(tests, surfaces, branches):
     It also reads the old branches. `branches` are operands in `tests`, for each surface. The
     results:
 
-    1. the place of the first jump of f with a new branch, else -1,
+    1. the index in `surfaces` of the first jump of f with a new branch, else -1,
     2. 1 if any branch is new, else 0,
     3. the branches: 1 or 0, the value of `floor`, or the argument of a table.
     """

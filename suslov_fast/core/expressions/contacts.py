@@ -66,7 +66,8 @@ class Contact:
 class Contacts:
     """The contacts {number of an event: `Contact`} of equations with modes.
 
-    After the modes, the state has two components: T / (1 + T) with the last time T, and the time.
+    After the modes, the state has two components: T / (1 + T), where the motion ends at the time T,
+    and the time.
 
     reactions  {number of an event: minus d2s/dt2 if this contact had no reaction}
     stopped    operands (D) of the state, with ds/dt = 0 where a body rests

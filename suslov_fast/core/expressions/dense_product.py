@@ -95,8 +95,8 @@ def roll(values):
     """Put products of dense matrices in place of written sums, in the dict `of` of `Expressions`.
 
     A row is a sum c_0 v_0 + c_1 v_1 + ... of values in the order of their numbers. Rows that share
-    values become one matrix. Constants may have the same parameters as factors or divisors, as in
-    (g * W) @ x: then the entry of the product is multiplied or divided by these.
+    values become one matrix. If all constants of a row have the same parameters as factors or
+    divisors, as in (g * W) @ x, the entry of the product is multiplied or divided by these.
     """
     if len(values.of) < 2 * LEAST:
         return
@@ -138,7 +138,7 @@ def roll(values):
 
 
 def _row(values, number, sums):
-    """Return {(factors of c, v): (c, number of the sum up to c v)} for the terms c v of a sum.
+    """Return {(factors of c, v): (c, number of the partial sum up to c v)} for a sum of c v.
 
     The row ends before a value v that is out of order, or a constant c with other factors. `sums`
     has the numbers of sums that are a part of one other sum.
@@ -179,9 +179,9 @@ def products_in(operations):
 def along(emit, products, rows, v, totals=()):
     """Return the changes of values along a direction v, and v extended by entries of `products`.
 
-    v is {component: operand of its change}; entries of products get their changes, too. `rows` are
-    gradients: of the operands of each product in turn, then of the values. `totals` are operands to
-    add to the changes, one for each row. None stands for 0.
+    v is {component: operand of its change}; the extended v also has the changes of entries of
+    products. `rows` are gradients, first of all operands of `products`, then of the values.
+    `totals` are operands to add to the changes, one for each row. None stands for 0.
     """
     v = dict(v)
     changes = (

@@ -24,7 +24,7 @@ def gradients(values, operations, results, D, by=()):
 
 
 def gradients_along(values, results, D, v):
-    """Return `gradients` of `results`, and v with changes of entries of products.
+    """Return `gradients` of `results`, and v extended by changes of entries of matrix products.
 
     v is {component: operand of its change}. Gradients times the new v are the changes of `results`.
     """

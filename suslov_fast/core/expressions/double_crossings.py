@@ -16,8 +16,8 @@ below rtol. Values of s within ROUNDING of its terms are no crossings: a tempera
 that of a room does not cross it.
 
 The five values do not show a narrow hump of s between two points, as of a bell curve; polynomials
-have no such humps. At a hump the rate ds/dt changes its sign. If the straight line through the
-rates at both ends of this part misses the rate at the next point, the step must be shorter.
+have no such humps. At a hump the rate ds/dt changes its sign between two points. If the straight
+line through the rates at these points is far from the rate at a neighbour, the step is too long.
 
 For waves, functions of sin, cos and tan, the phase must change by less than a quarter of a turn
 from point to point. The phase of a product is the sum of the phases of its factors. The phase of a

@@ -148,7 +148,7 @@ class EventSet(NamedTuple):
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
 
     `tau` and `column` exist if motions have columns. With "_{q}" at the end of their names, they
-    are for the column of parameter q, and also read its scale.
+    are for the column of parameter q, and also read the scale of this column (`variational`).
     """
 
     directions: tuple

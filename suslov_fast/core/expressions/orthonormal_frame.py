@@ -7,7 +7,8 @@ Q' = Q S,     l_i' = M_ii,
 
 where l_i are the logarithms of the diagonal of R in V = Q R, for V' = f' V. Columns of V decay at
 different rates, and lose their digits; Q changes only as fast as the motion. The variables are the
-entries of Q plus SHIFT, so that allowed errors of small entries are not smaller.
+entries of Q plus SHIFT: allowed errors are relative, and would be needlessly small for entries
+near 0.
 """
 
 import functools

@@ -82,7 +82,7 @@ class _Rates:
     def with_sides(self, sides):
         """Return the rates (D), the factors of constraints and their matrix, as `with_forces`.
 
-        Surfaces in `sides`, {number of a surface: True above}, are not slid along. Along other
+        At surfaces in `sides`, {number of a surface: True above}, f is f of this side. Along other
         surfaces the solution slides if their mode is 0, and bodies rest at contacts.
         """
         f, constraints = self._f(sides), self._constraints(sides)
@@ -138,7 +138,8 @@ class SlidingEquations(_Rates):
     The first mode is infinite if no combination of modes is consistent, or if several are. `sign`
     is the sign of the time.
 
-    size      the number of new components; 0 if no solution slides or rests
+    size      the number of new components; 0 if no solution slides or rests, or if there
+              are too many surfaces
     count     the number of surfaces. Their modes are components D, D + 1, ...; then come modes of
               contacts; if there are contacts, also T / (1 + T) with the last time T, and the time
     results   the operands of all rates in `values`
@@ -225,7 +226,7 @@ class SlidingEquations(_Rates):
         return EventAction(s, to, -1, inf, 2)
 
     def _with_modes(self, x, leaving=None):
-        """Return the state x (operands) with modes from its sides and, on surfaces, from rates.
+        """Return the state x (operands) with the mode of each surface: the side, or as `_decided`.
 
         At event `leaving`, the body that rests at this contact is set free.
         """
@@ -237,9 +238,9 @@ class SlidingEquations(_Rates):
     def _decided(self, x, surfaces, at=None):
         """Return the state x (operands) with new modes of the `surfaces` that it is on.
 
-        The new mode is the side to which f leads from the surface, or 0 if f leads back to it from
-        both sides. But if the present mode is a side on which f leads away, it stays. Modes are
-        found one by one, then together. At surface `at`, if given, the solution arrives, or stops
+        The new mode is the side to which f leads from the surface, or 0 if f leads back from both
+        sides. But a present mode stays if f leads away on its side. Modes are found one by one,
+        then together. The state counts as on surface `at`, where the solution arrives or stops
         sliding.
         """
         number, D = self.values.number, self.D
@@ -257,13 +258,13 @@ class SlidingEquations(_Rates):
         return self._together(x, at) if len(surfaces) > 1 else x
 
     def _together(self, x, at):
-        """Return the state x (operands) with consistent modes of several surfaces near it.
+        """Return the state x (operands) with consistent modes of several surfaces.
 
-        All modes become 0 if solutions can slide along all these surfaces: so a solution goes on
-        that winds into the point where the surfaces meet. Of two surfaces, otherwise, the only
-        consistent pair is taken. If no pair or several are consistent, if a state lies beyond its
-        mode, or if solutions slide along surfaces with jumps that depend on each other, the first
-        mode is infinite.
+        If solutions can slide along all surfaces near x, their modes become 0. So a solution that
+        winds into the point where the surfaces meet goes on. On both of two surfaces the only
+        consistent pair of modes is taken instead. The first mode is infinite if the modes are not
+        consistent or several pairs are, or if x is on the other side of a surface than its mode
+        says. It is also infinite if both modes of two surfaces with dependent jumps are 0.
         """
         D, n = self.D, self.count
         values, number = self.values, self.values.number
@@ -316,7 +317,8 @@ class SlidingEquations(_Rates):
 def _leads_to(mode, below, above, part):
     """Return the truth value that f leads from a surface to the side `mode`, or back if it is 0.
 
-    `below` and `above` are ds/dt on both sides. Each must be at least `part` of the other one.
+    `below` and `above` are ds/dt on both sides. A rate that leads to a side must be at least `part`
+    times the modulus of the other rate; a negative `part` admits rounding errors.
     """
 
     def leads(rate, other):

@@ -192,9 +192,9 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, state (B,), modulus of the time at which each trajectory ended, and its `LaneState`
     columns  `COLUMNS` of each trajectory at its end, by name
-    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`: at first
-             as given, or 0; at the end as computed, if they were given or there was an alarm
-    doubtful (B,), True where an alarm has no effect
+    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`; 0 if not
+             given. The run replaces them if they were given, or if an alarm ended a trajectory
+    doubtful (B,), True where there was an alarm that did not end the trajectory
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
     """

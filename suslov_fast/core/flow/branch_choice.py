@@ -37,9 +37,9 @@ NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     """Return `chosen_at`, `chosen_often` and `state` of a lane after a change of branches at t.
 
-    Changes at once are counted; at BACK_AND_FORTH the lane becomes SLIDING. A change is at once if
-    the time since the change before is rounding, beside t or the next length. An event that `acted`
-    sets the count to 0.
+    `chosen_often` counts changes that follow the last change at once: the time between them is
+    rounding of t, or of the next length. At BACK_AND_FORTH of them the lane becomes SLIDING. An
+    event that `acted` sets the count to 0.
     """
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
@@ -55,9 +55,9 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
 
 @scalar_kernel
 def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
-    """Return rows of a trajectory that continues at the time t + `ahead`, or sooner at `stop`.
+    """Return rows of a trajectory that goes on at t + `ahead`, or at `stop` if that is sooner.
 
-    Too many such changes of branches in a row are SLIDING, as in `CHOSEN`.
+    If a trajectory goes on in this way too often in a row, it is SLIDING, as in `CHOSEN`.
     """
     often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)

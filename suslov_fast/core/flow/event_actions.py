@@ -69,9 +69,9 @@ def TOUCHING_SIDE(
 ):  # fmt: skip
     """Return `side` and `level` of a state at a surface s = 0; in two cases a state does not stay.
 
-    If s is 0 all around a state that STAYS, the state is above. Only s with branches can be, such
-    as min(x, 0); cos(x) - 1 just touches 0. If an event has acted (`fired`), and the rate a moment
-    later leads back, the state is on the side from which it came.
+    If s is 0 all around a state with the side STAYS, the state is above. Only an s with branches
+    can be 0 there, such as min(x, 0); cos(x) - 1 just touches 0. If an event has acted (`fired`),
+    and the rate a moment later leads back, the state is on the side from which it came.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)

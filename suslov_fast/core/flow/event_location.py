@@ -220,8 +220,8 @@ def TIME_AND_STATE(
 ):  # fmt: skip
     """Return the time, number of steps and state of a lane after a step, and if f `jumped`.
 
-    A repeated step leaves the lane as it was. If the step has ended a lane, it runs on where f
-    jumps or ends.
+    If the step is to be repeated (`refused`), time and number of steps are as before it. If f jumps
+    or ends at the end of the step, the lane runs on, even if the step had ended it.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)
@@ -276,8 +276,8 @@ def cut(code, before, total):
 def _look_at_points(code, length, from_start):
     """Return the first crossing between POINTS of a step of this length: results of `LOOK`.
 
-    In lanes `from_start`, which know no step without a crossing, the state beyond the crossing goes
-    to the row `beyond`.
+    In lanes `from_start` no length without a crossing is known (`inner` is 0). There the state
+    beyond the crossing goes to the row `beyond`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
     count, pair, point, points = integrator.surfaces, work.between, work.point, work.points
@@ -356,7 +356,7 @@ def _double_crossings(code, inputs):
 def _aim(code, inputs, searches, from_start):
     """Return times to surfaces, by Newton's method, and a better `place` of the first crossing.
 
-    A step that begins on a surface may return to the surface early: then `place` is where it does.
+    If a step begins on a surface and returns to it early, `place` is where the step returns.
     """
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))

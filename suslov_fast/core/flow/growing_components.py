@@ -97,8 +97,9 @@ def LOST(
 ):  # fmt: skip
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
-    `lost` increases by relative errors, and by what explicit steps miss of a fast growth. If the
-    component keeps its sign, a value above both DEEP and 100 rtol becomes 1: no digit is right.
+    `lost` increases by the relative error, and by an error of fast growth if the component keeps
+    its sign. Then a `lost` above both DEEP and 100 rtol becomes 1, which means that no digit is
+    right; for other components a `lost` above 1 does.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
     is_small = both * inverse * rtol < SMALL
@@ -137,8 +138,9 @@ def FED(new, f_new, fed, signed, lost, changes, left):
 def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
     """Return `lost` and its maximum `watches`; for an alarm these are RELATIVE and infinity.
 
-    For components below their allowed errors, `grows` is 1 if one of them grows by more than
-    exp(LONG) in this step, and `below` is their largest `lost`. `fed` is as in `FED`.
+    Two results are of components below their allowed errors. `grows` becomes 1 if one of them that
+    has lost digits grows by itself by more than exp(LONG) in this step. `below` is their largest
+    `lost`. `fed` is as in `FED`.
     """
     size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
     is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
@@ -157,8 +159,9 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
 def GROWS(value, f, fed, signed, least, part, grow, fall):
     """Return `value` if a component of a group grows, else `part` of it; count both cases.
 
-    The component grows if the group adds more than `least` * value to it in the step. f is its rate
-    with the group at these values, and `fed` with 0 in place of the group.
+    The group are components at trial values. A component grows if the group adds more than `least`
+    times `value` to it in the step. f is the rate of the component, and `fed` its rate with 0 in
+    place of the group. `part` of the value is left if it does not grow.
     """
     is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {

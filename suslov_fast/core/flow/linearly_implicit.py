@@ -45,9 +45,10 @@ AT_END = 16.0
 def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     """Set `differs` to 1 if f' at the end of a step, times `right`, differs from f' at its start.
 
-    For the vector `right`, (1 - s f') right is `apart` + `at_end` with f' at the start. With f' at
-    the end it follows from `f_beside`, f at the end + right. If the second value is below half of
-    the first, f' differs. Values up to MOST_APART allowed errors do not matter.
+    With f' at the start, the vector (1 - s f') right is `apart` + `at_end`. With f' at the end, it
+    follows from `f_beside`, which is f at the state `right` beyond the end. f' differs if the
+    vector at the end is below half of the vector at the start. A vector at the start of at most
+    MOST_APART / AT_END allowed errors does not matter.
     """
     whole, own = apart + at_end, right - s * (f_beside - f_new)
     is_large = AT_END * abs(whole) * inverse > MOST_APART

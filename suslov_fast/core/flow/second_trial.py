@@ -43,9 +43,10 @@ TINY_STEP = 2.0**-40  # part of the time: a step up to this length is short
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """Return a component beside a `state` of the step, displaced by about its rounding.
 
-    A clock is later. Other components are displaced as if by chance, in the direction `seeds` *
-    `multiple`: relative to |state| at the ends of the step, and between them relative to the larger
-    end, because the state may be 0 there. `move` is added.
+    A clock is later. Other components are displaced by BESIDE_SIZE times a part of their size, and
+    then by `move`. The part, from -1/2 to 1/2, is as good as random; `seeds` and `multiple`
+    determine it. The size is |state| at the ends of the step. Between the ends, where the state may
+    be 0, the size is the larger modulus of the two ends.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -56,9 +57,10 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Update changes of f beside points of a step from `most`, the largest beside one more point.
+    """Update three changes of f with `most`, the largest change of f beside one more point.
 
-    `least` is the smaller one of both ends; `largest` and `second` are the largest two of all.
+    `least` is the smaller change of the two ends of the step; `largest` and `second` are the two
+    largest changes of all points.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),
@@ -74,11 +76,11 @@ def SECOND(
 ):  # fmt: skip
     """Return errors of a component relative to its allowed error in the trial, and `inverse`.
 
-    The allowed error follows from the `least` change of f at both ends of the step. If the step is
-    hardly longer than the rounding of time, it follows from the `largest` change, because sub-steps
-    contain little except rounding.
-    `of_length`, the ratio for the next length, omits errors that only rounding allows: these do not
-    shrink with the step.
+    The allowed error is the largest of three: as before the trial; by the `least` change of f at
+    both ends of the step; by the `second` change, up to NOISY times the largest component. If the
+    step is hardly longer than the rounding of time, the `largest` change replaces the `least`,
+    because sub-steps contain little except rounding. `of_length`, the ratio for the next length,
+    omits errors that the trial alone allows, because these do not shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))

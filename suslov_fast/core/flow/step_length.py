@@ -128,7 +128,7 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     """Return the length `taken` of the next step; it is 0 in lanes of the other integrator.
 
     A step that would pass the requested time `next`, but not `second`, is a step aside: it ends at
-    `next`. At the time `last`, where an event has yet to act, the length is TINY.
+    `next`. If an event has yet to act at `last`, a step of length TINY leads there.
     """
     rest, to_next, to_second = larger(last - t, TINY), larger(next - t, TINY), second - t
     is_within = wanted < reach * rest
@@ -222,7 +222,8 @@ def TURN_EXPLICIT(
 ):  # fmt: skip
     """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
-    FORGET other steps in a row, which `easy` counts, end the count. The lane may also end.
+    `easy` counts the accepted steps since the last stiff one. At FORGET of them the count `stiff`
+    becomes 0. The lane may also end.
     """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0

@@ -34,8 +34,8 @@ def _offsets(text, parts, j):
 def _along(text, parts, begin, end, row_0, numbers=0):
     """Add loops to `text` over the rows of the spans begin, ..., end - 1.
 
-    Yield the text for a loop's body, the address of a row in a column, and the address of the row's
-    number in L or U. `row_0` is the address of row 0, and `numbers` of the first number. If W is 1,
+    Yield the text for a loop's body, the address of a row in a column, and the address of the entry
+    of L or U in this row. `row_0` is the address of row 0, `numbers` of the first entry. If W is 1,
     one loop takes AT_ONCE rows as lanes of a wider text; the bits are the same.
     """
     inner = Code(max(text.W, AT_ONCE), text)

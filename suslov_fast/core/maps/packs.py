@@ -55,8 +55,8 @@ def plan_of(stages, table):
 def tables_of(scheme, values, eps, W):
     """Return eps v / 2 of the terms (lines, T, W), and a table (lines, n, W) for each fraction.
 
-    A table has all that a step needs of parameters alone. For one field and one eps, `lines` and W
-    are 1 in these shapes.
+    A table has all values that a step needs and that depend on parameters alone. For one field and
+    one eps, `lines` and W are 1 in these shapes.
     """
     fractions, _ = distinct(scheme.stages.fractions)
     if len(eps) == len(values) == 1:

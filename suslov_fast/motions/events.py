@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, common_shape, integer, short, warn, wrong
+from ..checks import FloatArray, common_shape, integer, short, wrong
 from ..core.expressions.event_formulas import EventAction, in_order_of_code
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
@@ -240,19 +240,6 @@ def _event_times(first: int, sign: int, each: list[FloatArray]) -> EventTimes:
     which = np.repeat(np.arange(first, first + len(each)), [a.shape[1] for a in each])
     order = np.argsort(moduli, axis=1, kind="stable")
     return EventTimes(np.take_along_axis(moduli, order, 1), which.astype(np.float64)[order])
-
-
-def warn_of_times_that_never_come(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
-    """Warn of events at given times, all of which are outside the times `asked` of a motion."""
-    for k, event in enumerate(events):
-        if event.times is None or not len(asked):
-            continue
-        last, times = abs(asked).max(), event.times[np.isfinite(event.times)]
-        if times.size and not ((sign * times >= 0.0) & (abs(times) <= last)).any():
-            warn(
-                f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, "
-                f"count from x0, as times of the motion do, which ends at {sign * last:g}"
-            )
 
 
 def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:

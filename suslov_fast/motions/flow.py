@@ -23,28 +23,12 @@ from ..maps.kernel_arguments import flat_arrays
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
 from ..results.result import read_only
+from . import motion_arguments
 from .event import Event
-from .events import (
-    actions_of,
-    batch_of,
-    checked_events,
-    event_times_of,
-    starts_at_rest,
-    warn_of_times_that_never_come,
-)
+from .events import actions_of, batch_of, checked_events, event_times_of, starts_at_rest
 from .integration import SolverResult, empty_result, to_tolerance
 from .modes import Sliding, are_stuck
 from .motion import Motion
-from .motion_arguments import (
-    checked_derivatives,
-    checked_settings,
-    checked_starts,
-    request_of,
-    warn_of_ends,
-    warn_of_lost_components,
-    warn_of_tables,
-    warn_of_times,
-)
 from .sensitivities import with_derivatives
 
 
@@ -160,17 +144,17 @@ def flow(
     array([[ 0.873751, -1.093725]])
     """
     body: Any = system_of(system, x0)
-    settings = checked_settings(body, rtol, atol, max_step, stiff)
-    request = request_of(time, settings, threads)
+    settings = motion_arguments.checked_settings(body, rtol, atol, max_step, stiff)
+    request = motion_arguments.request_of(time, settings, threads)
     times, sign = request.times, request.sign
-    names, acting = checked_derivatives(body, derivatives), checked_events(events)
-    x, batch = checked_starts(body, x0, batch_of(acting))
+    names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
+    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
-        warn_of_times(body, x, times)
+        motion_arguments.warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
-            warn_of_tables(body, x, times.max(initial=0.0))
+            motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))
     if acting:
-        warn_of_times_that_never_come(acting, sign, times)
+        motion_arguments.warn_of_event_times(acting, sign, times)
     return solved(body, x, batch, request, progress, names, acting)
 
 
@@ -183,10 +167,7 @@ def solved(
     names: tuple[str, ...],
     events: tuple[Event, ...],
 ) -> Motion:
-    """Return the motion from states x (B, D), after a warning of solutions that end.
-
-    `names` say with respect to what the motion is differentiated: x0, parameters or both.
-    """
+    """Return the motion from x (B, D), differentiated with respect to `names`; warn if it ends."""
     times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()
     event_times, at_rest = None, (None, None)
@@ -222,8 +203,8 @@ def solved(
     status = again = zeros_of(batch)
     end = np.full(batch, last) if batch else last
     if result.ends is not None:
-        warn_of_ends(result, x, batch, settings.atol)
-        warn_of_lost_components(result, batch)
+        motion_arguments.warn_of_ends(result, x, batch, settings.atol)
+        motion_arguments.warn_of_lost_components(result, batch)
         status, again = (a.reshape(batch) for a in (result.ends.status, result.ends.repeated))
         end = np.where(status, result.ends.t.reshape(batch), last)
     arrays = {

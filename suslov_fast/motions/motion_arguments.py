@@ -16,6 +16,7 @@ from ..maps.kernel_arguments import flat_arrays
 from ..maps.kernel_calls import thread_count
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
+from .event import Event
 from .integration import FELL, SolverResult
 
 _MOST = 1e-2  # the largest rtol
@@ -176,6 +177,19 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
             checks.warn(
                 f"np.interp: its table is from {first:g} to {end:g}, and {name} from {low:g} to "
                 f"{high:g}, where it is constant: the last component of x0 is the time in the table"
+            )
+
+
+def warn_of_event_times(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
+    """Warn of events at given times, all of which are outside the times `asked` of a motion."""
+    for k, event in enumerate(events):
+        if event.times is None or not len(asked):
+            continue
+        last, times = abs(asked).max(), event.times[np.isfinite(event.times)]
+        if times.size and not ((sign * times >= 0.0) & (abs(times) <= last)).any():
+            checks.warn(
+                f"events: number {k} never acts: its times, {times.min():g} to {times.max():g}, "
+                f"count from x0, as times of the motion do, which ends at {sign * last:g}"
             )
 
 

@@ -83,19 +83,13 @@ class Records(NamedTuple):
         """Return the records that are marked (K,)."""
         return Records._make(None if a is None else a[marked] for a in self)
 
-    def part(self, where: NDArray[np.int64]) -> Records:
-        """Return records of trajectories `where` (K,), ascending, with their places in `where`."""
-        part = self.selected(np.isin(self.trajectory, where))
-        return part._replace(trajectory=np.searchsorted(where, part.trajectory))
-
-    def with_part(self, where: NDArray[np.int64], part: Records) -> Records:
-        """Return records in which `part` replaces trajectories `where`; the reverse of `part`."""
-        others = self.selected(~np.isin(self.trajectory, where))
+    def with_part(self, where: NDArray[np.int64], part: Records, chosen: Any) -> Records:
+        """Return records in which `part`, of trajectories `where`, replaces where[chosen]."""
+        others = self.selected(~np.isin(self.trajectory, where[chosen]))
         part = part._replace(trajectory=where[part.trajectory])
-        if not len(others.time):
-            return part
-        if not len(part.time):
-            return others
+        part = part.selected(np.isin(part.trajectory, where[chosen]))
+        if not (len(others.time) and len(part.time)):
+            return part if len(part.time) else others
         trajectory = np.concatenate([others.trajectory, part.trajectory])
         order, both = np.argsort(trajectory, kind="stable"), zip(others, part, strict=True)
         return Records._make(a if a is None else np.concatenate([a, b])[order] for a, b in both)
@@ -111,7 +105,7 @@ class Rows(NamedTuple):
     def in_order(self) -> Records:
         """Return the records in order of trajectory, then time."""
         first, last = 3 + self.starts.shape[1], 3 + 2 * self.starts.shape[1]
-        rows = np.concatenate([np.empty((0, last)), *self.arrays][len(self.arrays) > 0 :])
+        rows = np.concatenate(self.arrays or [np.empty((0, last))])
         B = len(self.starts)
         if B > 1:
             small = np.min_scalar_type(B)  # NumPy sorts 16 bits by digits, seven times faster
@@ -158,33 +152,33 @@ class SolverResult(NamedTuple):
         ends.status[has_no_value] = Status.NONFINITE
         return result._replace(ends=ends) if has_no_value.any() else result
 
-    def part(self, where: NDArray[np.int64]) -> SolverResult:
-        """Return the result of trajectories `where` (K,), ascending; arrays are copies."""
-        return self._replace(
-            states=self.states[:, where],
-            columns={name: column[where] for name, column in self.columns.items()},
-            ends=self.ends and Ends._make(a[where] for a in self.ends),
-            records=self.records and self.records.in_order().part(where),
-        )
+    def with_part(
+        self, where: NDArray[np.int64], part: SolverResult, chosen: Any = slice(None)
+    ) -> SolverResult:
+        """Return the result with trajectories where[chosen] from `part`; overwrite own arrays.
 
-    def with_part(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
-        """Return the result with trajectories `where` (K,) from `part`; overwrite own arrays."""
-        ends, records = self.all_ends, self.records
+        `part` is the result of all trajectories `where`.
+        """
+        ends, records, places = self.all_ends, self.records, where[chosen]
         wholes: list[Any] = [*ends, *self.columns.values()]
-        for whole, new in zip(wholes, [*part.all_ends, *part.columns.values()], strict=True):
-            whole[where] = new
-        self.states[:, where] = part.states
+        parts: list[Any] = [*part.all_ends, *part.columns.values()]
+        for whole, new in zip(wholes, parts, strict=True):
+            whole[places] = new[chosen]
+        self.states[:, places] = part.states[:, chosen]
         if part.derivatives is not None:
-            self.derivatives[:, where] = part.derivatives
+            self.derivatives[:, places] = part.derivatives[:, chosen]
         if part.records is not None:
-            records = records.in_order().with_part(where, part.records.in_order())
+            records = records.in_order().with_part(where, part.records.in_order(), chosen)
         is_stopped = self.is_stopped or part.is_stopped
         return self._replace(ends=ends, records=records, is_stopped=is_stopped)
 
-    def again(self, where: NDArray[np.int64], part: SolverResult) -> SolverResult:
-        """Return the result with a second run of trajectories `where`; its steps are added."""
+    def again(
+        self, where: NDArray[np.int64], part: SolverResult, chosen: Any = slice(None)
+    ) -> SolverResult:
+        """Return `with_part` for a second run of trajectories; its steps are added."""
         steps = self.columns["steps"][where] + part.columns["steps"]
-        return self.with_part(where, part._replace(columns=part.columns | {"steps": steps}))
+        part = part._replace(columns=part.columns | {"steps": steps})
+        return self.with_part(where, part, chosen)
 
 
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
@@ -257,7 +251,7 @@ def to_tolerance(
 def _of_group(
     f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
 ) -> SolverResult:
-    """Return the `SolverResult` of trajectories that share f, with `table`, numbers of f."""
+    """Return the `SolverResult` of trajectories that share f; `table` has its numbers."""
     B, begun = len(starts), None
     threads = 1 if B == 1 else threads_for(B, request.threads)
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
@@ -324,12 +318,10 @@ def _again(
     where = first[np.isin(result.all_ends.status[first], _ENDS)]
     if len(where) and not result.is_stopped:
         plain = _result_of(run(where, np.zeros((len(where), f.of.D)), False), starts[where])
-        t, last = plain.all_ends.t, result.all_ends.t[where]
-        (lasts,) = np.nonzero(np.isnan(t) | (abs(t) > LATER * abs(last)))
-        part = plain.part(lasts)
-        ends = part.all_ends
+        ends, last = plain.all_ends, result.all_ends.t[where]
         ends.doubtful[:] = NO_DIGITS
-        result = result.again(where[lasts], part._replace(ends=ends))
+        (lasts,) = np.nonzero(np.isnan(ends.t) | (abs(ends.t) > LATER * abs(last)))
+        result = result.again(where, plain._replace(ends=ends), lasts)
     result.all_ends.repeated[first] = 1
     return result
 

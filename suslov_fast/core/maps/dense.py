@@ -11,9 +11,9 @@ import numpy as np
 
 from ..expressions.symbolic_elimination import LEAST_PIVOT
 from ..numba.arrays import array_at, uncounted
-from ..numba.decorators import c_function, function, kernel, share
+from ..numba.decorators import c_function, function, kernel, lesser, share
 from ..numba.gauss import simd_max, simd_min
-from ..numba.intrinsics import call_code, lesser
+from ..numba.intrinsics import call_code
 from ..numba.status_codes import OK, PASSED_POLE
 from .kahan_step import of_one_sign
 from .packs import note_undefined

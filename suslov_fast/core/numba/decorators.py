@@ -40,7 +40,7 @@ from ..cached import cached_property
 from .arrays import array_at, pack
 from .cache import is_kept, use_cache
 from .interrupts import uninterrupted
-from .intrinsics import call_address, call_code
+from .intrinsics import call_address, call_code, select
 from .threads import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
@@ -397,6 +397,12 @@ def of_kind(name):
         return chosen and chosen.py_func
 
     return call
+
+
+@formula
+def lesser(a, b):
+    """Return the smaller number, b if they are equal; Numba would compile `min` in each kernel."""
+    return select(a < b, a, b)
 
 
 @formula

@@ -14,8 +14,8 @@ import math
 import numpy as np
 
 from ..expressions.symbolic_elimination import LEAST_PIVOT
-from .decorators import ZERO, formula, function, inlined
-from .intrinsics import lesser, select
+from .decorators import ZERO, formula, function, inlined, lesser
+from .intrinsics import select
 from .status_codes import NONFINITE, OK, SINGULAR
 
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;

@@ -144,34 +144,17 @@ def select(condition, first, second):
     return first if condition else second
 
 
-def lesser(a, b):
-    """Return the smaller number, b if they are equal; Numba would compile `min` in each kernel."""
-    return a if a < b else b
+@type_callable(select)
+def _type_of_select(context):
+    def unified(condition, first, second):
+        kind = context.unify_types(first, second)
+        return kind and types.unliteral(kind)
 
-
-def _unified(context, *kinds):
-    kind = context.unify_types(*kinds)
-    return kind and types.unliteral(kind)
-
-
-type_callable(select)(lambda context: lambda condition, a, b: _unified(context, a, b))
-type_callable(lesser)(lambda context: lambda a, b: _unified(context, a, b))
-
-
-def _cast(context, builder, signature, values, kinds):
-    result = signature.return_type
-    return [context.cast(builder, *pair, result) for pair in zip(values, kinds, strict=True)]
+    return unified
 
 
 @lower_builtin(select, types.Boolean, types.Any, types.Any)
 def _select(context, builder, signature, arguments):
-    both = _cast(context, builder, signature, arguments[1:], signature.args[1:])
+    pairs = zip(arguments[1:], signature.args[1:], strict=True)
+    both = [context.cast(builder, *pair, signature.return_type) for pair in pairs]
     return builder.select(arguments[0], *both)
-
-
-@lower_builtin(lesser, types.Number, types.Number)
-def _lesser(context, builder, signature, arguments):
-    a, b = _cast(context, builder, signature, arguments, signature.args)
-    is_float = isinstance(signature.return_type, types.Float)
-    compare = builder.fcmp_ordered if is_float else builder.icmp_signed
-    return builder.select(compare("<", a, b), a, b)

@@ -49,15 +49,14 @@ def in_parts(parts, work, abandoned, threads):
         abandoned.append(True)
         raise
     finally:
-        waits = True
-        while waits:
+        while True:
             try:
                 with begins:
                     is_over.append(True)
                 for lock in running:
                     with lock:
                         pass
-                waits = False
+                break
             except BaseException as error:  # Ctrl-C; the others still write to the arrays
                 abandoned.append(True)
                 raised.append(error)

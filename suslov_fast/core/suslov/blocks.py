@@ -6,8 +6,8 @@ States of large arrays are written by whole cache lines, if possible.
 import numpy as np
 from numba import config
 
-from ..numba.decorators import ZERO, formula, function, inlined
-from ..numba.intrinsics import LINE, lesser, stream_pairs
+from ..numba.decorators import ZERO, formula, function, inlined, lesser
+from ..numba.intrinsics import LINE, stream_pairs
 
 # Outputs of this many numbers are written past the caches, 2.1 times as fast. Smaller ones stay in
 # the caches, where they are read again.

@@ -50,8 +50,8 @@ import math
 import numpy as np
 
 from ..numba.arrays import array_at, block_of, uncounted
-from ..numba.decorators import ZERO, formula, kernel, share
-from ..numba.intrinsics import lesser, select
+from ..numba.decorators import ZERO, formula, kernel, lesser, share
+from ..numba.intrinsics import select
 from .blocks import are_common, fill_parameters, store_rows
 from .map_3d import RANGE, ZERO_TO_ROUNDING, one_step
 from .steps import LANES, NO

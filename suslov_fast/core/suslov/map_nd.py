@@ -36,9 +36,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..numba.arrays import keep, uncounted
-from ..numba.decorators import ZERO, as_python, formula, function, inlined, kernel, share
+from ..numba.decorators import ZERO, as_python, formula, function, inlined, kernel, lesser, share
 from ..numba.gauss import TO_SOLVE, eliminate, keeps_digits, memory_of_one, solve
-from ..numba.intrinsics import lesser, select
+from ..numba.intrinsics import select
 from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
 from .blocks import empty_at_line, write_states
 

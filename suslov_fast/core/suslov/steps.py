@@ -7,8 +7,8 @@ has a trajectory in each lane l: LANES of them, or a single one.
 import numpy as np
 
 from ..numba.arrays import array_at, block_of, uncounted
-from ..numba.decorators import ZERO, as_python, formula, kernel, share
-from ..numba.intrinsics import lesser, select
+from ..numba.decorators import ZERO, as_python, formula, kernel, lesser, share
+from ..numba.intrinsics import select
 from ..numba.status_codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from .blocks import alignment, are_common, fill_parameters, store_rows, write_pairs
 from .map_3d import (

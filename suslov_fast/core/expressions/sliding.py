@@ -138,8 +138,8 @@ class SlidingEquations(_Rates):
     The first mode is infinite if no combination of modes is consistent, or if several are. `sign`
     is the sign of the time.
 
-    size      the number of new components; 0 if no solution slides or rests, or if there
-              are too many surfaces
+    size      the number of new components; 0 if no solution slides or rests, or if surfaces or
+              pairs of them that depend on one another are too many (`MOST`, `MOST_PAIRS`)
     count     the number of surfaces. Their modes are components D, D + 1, ...; then come modes of
               contacts; if there are contacts, also T / (1 + T) with the last time T, and the time
     results   the operands of all rates in `values`

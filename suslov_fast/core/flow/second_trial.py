@@ -76,11 +76,12 @@ def SECOND(
 ):  # fmt: skip
     """Return errors of a component relative to its allowed error in the trial, and `inverse`.
 
-    The allowed error is the largest of three: as before the trial; by the `least` change of f at
-    both ends of the step; by the `second` change, up to NOISY times the largest component. If the
-    step is hardly longer than the rounding of time, the `largest` change replaces the `least`,
-    because sub-steps contain little except rounding. `of_length`, the ratio for the next length,
-    omits errors that the trial alone allows, because these do not shrink with the step.
+    The allowed error is the largest of three: the one before the trial; `grows` h `least`; and
+    OF_NOISE h `second`, which is at most NOISY `top`. h is the length `taken`, `top` the largest
+    component. `least`, `largest` and `second` are changes of f, as in `BESIDE_POINTS`. If the step
+    is hardly longer than the rounding of time, `largest` replaces `least`, because sub-steps
+    contain little except rounding. `of_length`, the ratio for the next length, omits errors that
+    only the trial allows, because these do not shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))

@@ -132,8 +132,8 @@ class Suslov(BodyOfEquations):
 
         In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 l**2), with
         l = I13 Omega1 + I23 Omega2 + k (Lemma 1 of Dragovic and Gajic, arXiv:0807.2966). In n
-        dimensions it is F of the reduced body (:meth:`SuslovND.reduced`). If I = 0, it is the
-        energy divided by 2 a b, where a and b are the first two different J_i.
+        dimensions it is F of the reduced body (:meth:`SuslovND.reduced`). For a body with I = 0, F
+        is the energy divided by 2 a b, where a and b are the first two different J_i.
 
         Parameters
         ----------
@@ -324,8 +324,8 @@ class Suslov(BodyOfEquations):
     def limits(self, omega0: ArrayLike, /, eps: Reals) -> tuple[FloatArray, FloatArray]:
         """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
-        An orbit goes from one steady rotation to another, without a rotor to the opposite one
-        (Proposition 2 of Dragovic and Gajic, arXiv:0807.2966).
+        An orbit goes from one steady rotation to another. Without a rotor the second rotation is
+        opposite to the first one (Proposition 2 of Dragovic and Gajic, arXiv:0807.2966).
 
         Parameters
         ----------

@@ -327,9 +327,9 @@ class Suslov3D(Suslov):
     def step_full(self, omega: ArrayLike, /, eps: Reals, I3: ArrayLike | None = None) -> FloatArray:
         """Return the next state of the scheme in three components.
 
-        Equation (3) of Dragovic and Gajic, arXiv:0807.2966, where the constraint is Omega3 = 0. The
-        scheme itself only changes the sign of Omega3; where that is not 0, it has no limit for
-        eps -> 0.
+        Equation (3) of Dragovic and Gajic, arXiv:0807.2966, where the constraint is Omega3 = 0. A
+        step of the scheme changes the sign of Omega3. So unless Omega3 is 0, steps do not converge
+        to a motion as eps -> 0.
 
         Parameters
         ----------

@@ -86,8 +86,8 @@ def _has_branches_of_products(values: Any) -> bool:
 def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
     """Return equations in which constants are parameters, and these constants.
 
-    So functions that differ only in numbers, as in a sweep, share machine code. The first of them
-    is left as it is, with its constants.
+    So functions that differ only in numbers, as in a sweep, share machine code. The first function
+    of a form keeps its constants and has machine code of its own; then no constants are returned.
     """
     names = {name for name, _, _ in equations.products[0].operations}
     special = not names.isdisjoint(_WITH_BRANCHES)

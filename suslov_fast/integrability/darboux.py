@@ -213,10 +213,10 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield the cofactors of polynomials of this degree at which the map may have poles.
+    """Yield cofactors of polynomials of this degree that are 0 where the map may have poles.
 
-    These are the common denominator F_0 and its known factors. They need not divide their
-    pullbacks, so that `candidate_cofactors` may lack their cofactors.
+    The polynomials are the common denominator F_0 and its known factors. They need not divide their
+    pullbacks, so `candidate_cofactors` may lack their cofactors.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:

@@ -125,7 +125,8 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     """Find how a sequence of degrees grows, and its entropy.
 
     Both follow from the shortest linear recurrence with integer coefficients that all degrees after
-    a transient satisfy. At least three terms, and as many as the transient has, must confirm it.
+    a transient satisfy. At least three degrees beyond those that determine the recurrence must
+    confirm it, and at least as many as the transient has.
     The largest root, which must be simple, gives the entropy, and the multiplicity of the roots of
     modulus 1 the kind. A recurrence may still be accidental.
 

@@ -174,7 +174,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
 def proved_by_integral(
     entropy: PlanarEntropy | None, integrals: Sequence[RationalFunction]
 ) -> PlanarEntropy | None:
-    """Return `entropy`, or the entropy 0 if `entropy` is unproved and an integral is proved.
+    """Return `entropy`, or the entropy 0 if it is unproved and an integral is proved (`IDENTITY`).
 
     Birational maps of the plane with an integral have the entropy 0 (Diller and Favre 2001).
     """

@@ -353,9 +353,10 @@ class Search:
         return Task(run, "all cofactors", k, needed=False)
 
     def _polynomials_of(self, cofactor: Any, k: int, kind: str, last: int = 0) -> Task:
-        """Return the task that finds the P up to degree k with P(Phi) = cofactor * P.
+        """Return the task, of the `kind`, that finds P up to degree k with P(Phi) = cofactor * P.
 
-        Tasks for degrees k + 1 to `last`, by default the degree of the search, follow.
+        When it ends, it starts the task for the degree k + 1, up to the degree `last`; 0 stands for
+        the degree of the search.
         """
 
         def run() -> Tasks:

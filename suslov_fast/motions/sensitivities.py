@@ -71,8 +71,8 @@ def _of_records(records: Records, scales: FloatArray) -> Records:
     """Return records with the derivatives of times and states in place of `of_columns`.
 
     If x0 or a parameter changes along a column v, the event comes tau earlier, and the state at the
-    event changes by v - f tau. `records.of_columns` has tau of all C columns, then f before and
-    after the event.
+    event changes by v - f tau. `records.of_columns` has tau of all C columns, then f before the
+    event, then f after it.
     """
     K, C = scales.shape
     D = records.states.shape[1] // (1 + C)

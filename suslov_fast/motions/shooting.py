@@ -59,8 +59,8 @@ class FieldFlow:
 
     drifts       True for components with a constant rate (D,)
     is_forced    True if T is fixed, because other components depend on one that drifts
-    keeps_phase  True with events: steps keep the fastest component of the first node, so that the
-                 node stays between the same events
+    keeps_phase  True with events: Newton's method does not change the fastest component of the
+                 first node, so that the node stays between the same events
     """
 
     def __init__(
@@ -284,11 +284,11 @@ def _sizes(flow: FieldFlow, start: FloatArray, T: float) -> FloatArray:
 
 
 def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float]:
-    """Return the time after which the motion returns near its start, or None; and a last time.
+    """Return the time at which the motion returns near its start, or None, and a second time.
 
-    The motion was searched up to the last time. At a return the motion is nearer to the start than
-    before and after, and it has been far away. It need not cross the plane through the start normal
-    to f, because the start may be off the orbit.
+    The search for a return ended at the second time. At a return the motion is nearer to the start
+    than before and after, and it has been far away. It need not cross the plane through the start
+    normal to f, because the start may be off the orbit.
     """
     moving = ~flow.drifts
     fastest, size = float(abs(flow.rate[moving]).max()), abs(start[moving]).max()

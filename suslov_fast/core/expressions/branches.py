@@ -133,10 +133,11 @@ def watch_of(f, surfaces):
 def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
-    `results` are operands in `values`, functions of the state and P parameters. Branches, and the
-    start values of clocks, are further parameters; without branches `f.branches` is None. f is also
-    differentiated by the parameters `by`. If `twice`, it is differentiated with columns later
-    (`variational`). `actions` are `EventAction`s: of events on surfaces, then at times.
+    `results` are operands in `values`, functions of the state and P parameters. The branches, and
+    the start values of clocks, become further parameters of f; without branches `f.branches` is
+    None. `by` are the parameters with respect to which f is differentiated, too. `twice` is True if
+    the variational equations of f will be differentiated again. `actions` are `EventAction`s: first
+    those of events on surfaces, then those of events at times.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P

@@ -5,8 +5,8 @@ Without forces the rates x' are y. With the forces of all constraints that hold 
 
 x' = y + sum_a w_a d_a,     n_a . (x' - y) = r_a for each constraint a,
 
-where r_a is how much force a has to change the rate of its surface. The factors w solve the linear
-equations sum_b (n_a . d_b) w_b = r_a.
+where r_a is the change of the rate n_a . x' that is needed, -n_a . y for a rate 0. The factors w
+solve the linear equations sum_b (n_a . d_b) w_b = r_a.
 """
 
 from typing import NamedTuple

@@ -66,8 +66,8 @@ class EventAction(NamedTuple):
     to         `KeyedProgram` of the new state, or None if the state stays
     direction  1: acts where the function rises along the motion, -1: where it falls, 0: both
     most       the action of this number ends the trajectory; infinity if none ends it
-    holds      after which actions a state on the surface counts as above it, whatever its rate is:
-               0: after none, 1: after the action of this event, 2: after any action
+    holds      the actions after which a state on the surface is taken to be above it, even if its
+               rate leads below: 0: none, 1: those of this event, 2: those of any event
     """
 
     surface: Program | None
@@ -134,12 +134,12 @@ class EventSet(NamedTuple):
     gaps         for each of them, True if its function may have no value
     flats        for each of them, True if its function may be 0 all around a state
     most         `EventAction.most` of all events
-    parts        {name: `EventProgram`}
+    parts        {name: `EventProgram`}, see below
     components   for each event the numbers of the components that it may set
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
 
-    One part is common to all surfaces; the others are parts of event k, with tau and columns v as
+    The part `toward` serves all surfaces; the others belong to event k, with tau and columns v as
     in the equations above:
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
@@ -147,8 +147,8 @@ class EventSet(NamedTuple):
     tau{k}     reads the state, v, and f before the event; its result is tau
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
 
-    `tau` and `column` exist if motions have columns. With "_{q}" at the end of their names, they
-    are for the column of parameter q, and also read the scale of this column (`variational`).
+    The parts `tau` and `column` exist if motions have columns. Variants with "_{q}" at the end of
+    their names are for the column of parameter q; they also read its scale (`variational`).
     """
 
     directions: tuple

@@ -22,10 +22,10 @@ SHIFT = 2.0
 
 @functools.lru_cache(64)
 def with_frame(f, moving):
-    """Return the `RightHandSide` of x' = f(x), of Q + SHIFT by rows, and of l.
+    """Return the `RightHandSide` of x, of the frame Q + SHIFT by rows, and of the logarithms l.
 
-    f has no branches. Tangent vectors have entries for the components `moving` of x. The parameters
-    are the numbers in the table of f, which also contains the starts of clocks.
+    f in x' = f(x) has no branches. Tangent vectors have entries for the components `moving` of x.
+    The parameters are the numbers in the table of f, which also contains the starts of clocks.
     """
     D, n = f.D, len(moving)
     first = D + n * n + n

@@ -23,15 +23,16 @@ class RightHandSide:
 
     f            `Program` of the D rates
     derivative   `Program` of f' alone; its results are the entries at the places (i, j) in `linked`
-    products     `products_in` f. If there are some, rows i of `derivative` are for `height` values:
-                 operands of products, then f. j is a component or an entry of a product
+    products     `products_in` f. If there are some, `derivative` has rows i for `height` values:
+                 first the operands of products, then f. j is a component or an entry of a product
     of_parameters  `Program` of df/dp for the parameters `by`, with `height` results for each
     reads        for each component, as bits, the components that its rate depends on
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators  numbers of values of `f` that change sign at poles, see `_signs_of_poles`
-    surfaces     `Program` of the surfaces at which steps end, and of other functions of the state
+    surfaces     `Program` of the functions s of surfaces at which steps end, then of other
+                 functions of the state
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
                  j = D, ... are the parameters `by`
     longest      operand of the longest step, a function of parameters, see `pulses`
@@ -50,7 +51,8 @@ class RightHandSide:
         """Plan f with the D rates `results`, operands in the `Expressions` `values`.
 
         `by` are the numbers of parameters to differentiate f by. `surfaces` are other operands to
-        evaluate; the first `jumps` of them are differentiated, too. The table begins with `kept`.
+        evaluate; the first `jumps` of them are differentiated, too. The table begins with the
+        values that have the numbers `kept`.
         """
         D, fixed, of_f = len(results), values.fixed, [*values.operations]
         self.D, self.P, self.products = D, P, products_in(of_f)
@@ -202,11 +204,11 @@ def _signs_of_poles(values, f, quotients):
 
 
 def _taken(values, f):
-    """Return {number of a value: operand of the truth value that results of f depend on it}.
+    """Return {number of a value: operand of a truth value, true where f depends on the value}.
 
-    Results do not depend on a value where `select` chooses another one, or where the other factor
-    of a product is 0; such a factor is a `select`, or depends on parameters alone. True stands for
-    always.
+    f does not depend on a value where `select` chooses another one, or where the other factor of a
+    product is 0. Only factors that are a `select`, or depend on parameters alone, are considered.
+    True in place of an operand stands for always.
     """
     emit, is_taken = values.emit, {a: True for a in f.results if not isinstance(a, float)}
     for name, number, operands in reversed(f.operations):

@@ -36,7 +36,8 @@ MOST, MOST_PAIRS = 24, 150
 class _Rates:
     """The rates of a `Program` f (D) with a mode for each surface, then for each contact.
 
-    pairs        the compared operands of each surface, from `_comparisons_in` like `comparisons`
+    pairs        the two compared operands of each surface
+    comparisons  which operations compare them; both are results of `_comparisons_in`
     values       the `ExtendedState` of f, its modes and its parameters
     surfaces     the operand of s for each surface
     touching     {number of an event: `Contact`}, at first {number of an event: `EventAction`}
@@ -82,8 +83,8 @@ class _Rates:
     def with_sides(self, sides):
         """Return the rates (D), the factors of constraints and their matrix, as `with_forces`.
 
-        At surfaces in `sides`, {number of a surface: True above}, f is f of this side. Along other
-        surfaces the solution slides if their mode is 0, and bodies rest at contacts.
+        At surfaces in `sides`, {number of a surface: True above}, f is f of this side. At all other
+        surfaces and contacts the mode decides whether the solution slides or rests there.
         """
         f, constraints = self._f(sides), self._constraints(sides)
         changes = {a: -self.values.dot(c.gradient, f) for a, c in constraints.items()}
@@ -144,7 +145,8 @@ class SlidingEquations(_Rates):
               contacts; if there are contacts, also T / (1 + T) with the last time T, and the time
     results   the operands of all rates in `values`
     contacts  {number of an event that is a contact: the component that is its mode}
-    actions   `EventAction`s: events on surfaces, modes, all modes at time 0, then other events
+    actions   an `EventAction` for each event on a surface, for the change of each mode, for the
+              modes at time 0, and for each other event
     surfaces_of_events  the number of events on surfaces
     """
 

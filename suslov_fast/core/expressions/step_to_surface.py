@@ -19,13 +19,14 @@ SOONER = 2.0**-22  # factor of the time to a surface if the distance from the su
 def aim_of(f, surfaces, is_implicit):
     """Return the `Program` that finds when `surfaces` of f and of its events are crossed.
 
-    The program reads the state, f times the sign of time, sides and levels of the surfaces of
-    events (see `flow.memory`), and the table of f. Its results are
+    The program reads the state, f times the sign of time, `side` and `level` (rows of
+    `flow.memory`) for each surface of an event, and the table of f. Its results are
 
     1. the least time to a surface, negative if the state is just beyond it,
     2. the longest time since a crossing: 0 without a crossing, infinity if the rate leads back or
        is not used,
-    3. the least time to a surface of an event, shorter by the factor SOONER if s is NOISE.
+    3. the least time to a surface of an event; where rounding makes s uncertain (`NOISE`), the
+       time times SOONER.
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)

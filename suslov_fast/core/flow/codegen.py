@@ -106,7 +106,8 @@ class StepCode(FunctionCode):
     def keep_largest(self, truth, i, x):
         """Raise the row `largest` of component i to |x|, in lanes where `truth` is true.
 
-        If steps have relative digits of the component (`growing_components`), the row becomes |x|.
+        For components with an error relative to their own value (RELATIVE in `lost`), set it to |x|
+        even if |x| is smaller.
         """
         modulus, largest = abs(x), self.line.largest[i]
         is_new = modulus > largest

@@ -42,8 +42,9 @@ def _side(value, rate, size, rate_size, near, t, sign):
     """Return `side` and `level` of a state at a surface s = 0, and whether it `is_on` the surface.
 
     The state is above if s >= `level`, usually 0. It is on the surface if |s| is rounding, or if s
-    becomes 0 within the time NEARLY * t. Then the side is the one to which the rate leads, and
-    `level` moves so that s is on this side. If the rate is rounding, the side is STAYS.
+    becomes 0 within the time NEARLY * t. Then its side is the one to which the rate leads, and
+    `level` becomes a number close to s, such that s is on this side of it. If the rate is rounding,
+    the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
     is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
@@ -67,11 +68,11 @@ def TOUCHING_SIDE(
     side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, fired,
     sign,
 ):  # fmt: skip
-    """Return `side` and `level` of a state at a surface s = 0; in two cases a state does not stay.
+    """Return `side` and `level` of a state at a surface s = 0; STAYS becomes a side in two cases.
 
-    If s is 0 all around a state with the side STAYS, the state is above. Only an s with branches
-    can be 0 there, such as min(x, 0); cos(x) - 1 just touches 0. If an event has acted (`fired`),
-    and the rate a moment later leads back, the state is on the side from which it came.
+    If s is 0 in a whole neighbourhood of the state, the side is above. Only an s with branches is,
+    such as min(x, 0); cos(x) - 1 is 0 at one point. If an event has acted (`fired`), and the rate
+    leads back a moment later, the side is the one from which the state came.
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
@@ -91,9 +92,10 @@ def CROSSED(
 ):  # fmt: skip
     """Return whether a state crossed a surface `up` or `down`, and the rows of the surface.
 
-    A crossing is a change of the side, where events may act (`is_here`). On the surface the rate
-    decides the side, as in `_side`; if the rate is rounding, the side remains, unless the step led
-    across (`by_motion`). A state that was beyond by rounding alone does not cross back at once.
+    A crossing is a change of the side, where events may act (`is_here`). A state on the surface has
+    the side to which its rate leads, as in `_side`. If the rate is rounding, the side remains; but
+    it changes if s has changed its sign along the step (`by_motion`). If only rounding led a state
+    across, its return is no crossing.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
@@ -129,12 +131,12 @@ def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
     pause, more, limit, sign,
 ):  # fmt: skip
-    """Return `more` > 0 if actions at s = 0 follow one another at once, and the `limit` of times.
+    """Return `more` > 0 if actions at s = 0 follow one another at once, and when they accumulate.
 
     With r = ds/dt and a = dr/dt after the action, s is 0 again after a time 2 |r / a|, and |s|
-    rises to r**2 / (2 |a|). If each action reduces r by the factor q, the state is at rest after a
-    time 2 |r / a| / (1 - q). If a does not lead back, Aitken's limit of the times of actions is
-    used.
+    rises to r**2 / (2 |a|). If each action reduces r by the factor q, the times of actions have the
+    `limit` 2 |r / a| / (1 - q) later, when the state is at rest. If a does not lead back, `limit`
+    is Aitken's extrapolation from the times of the last actions.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)

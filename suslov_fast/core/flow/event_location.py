@@ -87,10 +87,11 @@ def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
 
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
-    """Update the first crossing in a step (`crossed`, its `place`, its interval's `end`).
+    """Update the first crossing in a step with the next interval between two points of the step.
 
-    The next interval has the length `width`, and ends at the fraction u of the step. Up to the
-    length `inner` no crossing is sought, because a step of this length has none.
+    The interval has the length `width`, and ends at the fraction u of the step. `crossed` becomes 1
+    at the first crossing, `place` is its fraction of the step, and `end` is the u of its interval.
+    Up to the length `inner` no crossing is sought, because a step of this length has none.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {
@@ -107,7 +108,8 @@ def CROSSES(
 ):  # fmt: skip
     """Return whether a step crosses a surface, ends just beyond it, or may hide two crossings.
 
-    In a search a step crosses if its two ends show this, or if its points show two (`twice`).
+    In a search a step crosses a surface if the values of s at its two ends show a crossing, or the
+    values at its points show two (`twice`).
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last

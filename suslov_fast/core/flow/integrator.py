@@ -25,7 +25,7 @@ class Integrator:
                  then `f_a` and `f_b` are the rates of each set
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     has_atol     True if allowed errors do not depend on the sizes of other components
-    is_relative  True if steps have relative digits of the components with RELATIVE in `lost`
+    is_relative  True if some components (RELATIVE in `lost`) have errors relative to their values
     parts        (first component, how many) of x and of derivatives, which have different sizes:
                  large derivatives must not loosen the tolerance of x
     watched      the number of components of x if f has surfaces at which steps end, else 0
@@ -35,7 +35,7 @@ class Integrator:
                  read `at_points` numbers at points of the step, such as values of surfaces
     events       `EventSet`, or None; `event_surfaces` is the number of its surfaces
     kinks        the kinds of the surfaces at which f has a kink, see `Branches`
-    factors      the number of factors of 1 - s f', 0 in the explicit integrator
+    factors      how many numbers the LU factors of 1 - s f' have, 0 in the explicit integrator
     rows, work   first rows of a trajectory's data and of the workspace, see `memory`; `scalars` are
                  the names of parts with one row
     is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump

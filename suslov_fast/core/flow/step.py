@@ -11,8 +11,8 @@
 
        e = sum_c (w_c - v_c) (y_c - x),     ratio = max_i |e_i| / allowed_i.
 
-   All columns may agree on a false end. A sum d, which vanishes on true steps, shows this: for
-   `gragg` d = sum_c w_c (a_c - b_c), with the last values of the sequences a and b in column c.
+   All columns may agree on a wrong end. A sum d, which is 0 up to the error otherwise, shows this:
+   for `gragg` d = sum_c w_c (a_c - b_c), with the last values of the sequences a and b in column c.
    The largest |d_i| / allowed_i is `apart`.
 
 4. Acceptance and step-length rule (`step_length`). The step is accepted if

@@ -2,8 +2,9 @@
 
 The error estimate of an explicit step of order 10 is of order 9. So the next length is this length
 times SAFETY ratio**(-1/9), within 3.4 percent, by the bits of the ratio. A rejected step is
-repeated with the next length, and the step after that is not longer. A step is false if all columns
-agree on a false end, in a layer of f thinner than their sub-steps; a sum shows this (`step`).
+repeated with the next length, and the step after that is not longer. If f has a layer thinner than
+the sub-steps, all columns may agree on a wrong end; then the step is false. A sum shows this
+(`step`).
 
 If the next step would pass one requested time, a step from the same state ends there first. It is
 called a step aside: its end is tested and saved, but the trajectory stays. Each time in an implicit
@@ -12,8 +13,9 @@ step has a step aside; a polynomial gives several times in an explicit step (`de
 The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' with negative real parts.
 The difference quotient of f between the next state and the end of the last column shows the largest
 |mu| at no cost. After `patience` steps with h |mu| above `limit` a lane becomes implicit. A step
-with a false end counts as OF_FALSE such steps, because the shorter next step looks less stiff. Then
-power iteration on f' finds |mu|. A lane is explicit again after EASY steps with h |mu| < 2 limit.
+with a false end counts as OF_FALSE such steps, because the shorter next step looks less stiff. In
+implicit steps power iteration on f' finds |mu|. A lane is explicit again after EASY steps with
+h |mu| < 2 limit.
 """
 
 from math import inf, sqrt

@@ -81,10 +81,10 @@ class Step:
     after       the next state
     after_rare  the next state after the operations `rare`; the same if `after` keeps its digits
     good        true if `after` is accurate and all pivots are positive
-    accurate    true if `after_rare` is accurate; a value of `rare`
-    negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
-    changed     true if a component that keeps its sign along the motion changes it; a value of
-                `rare`, None if there is no such component
+    accurate    true if `after_rare` is accurate
+    negative    true if the number of negative pivots is odd, det A(x) < 0
+    changed     true if a component that keeps its sign along the motion changes it in the step;
+                None if no component keeps its sign. These three are computed by `rare`
     factors     `Factors` of 1 - N(x)
     is_long     true if there are many operations, which LLVM does not optimise
     is_sparse   true if elimination fills little of the matrix

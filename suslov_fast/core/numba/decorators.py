@@ -8,11 +8,12 @@ kernel      a function(part, parts, *arguments) that does one of `parts` parts o
             calls `kernel.serial(*arguments)` or `kernel.parallel(threads, *arguments)`
 for_users   a formula that users call from Python and from their own compiled loops
 
-Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
-that was compiled. Until small calls of a kernel have taken WARM_UP seconds, Python or NumPy runs
-them, with the same bits. With NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1
-checks indices. A function that takes a constant integer is compiled for each value, because
-constants have their own types. A loop over lanes becomes SIMD if
+Each is compiled when compiled code, or Python, first calls it; but Python runs a `formula` or
+`function` uncompiled. `.py_func` is the Python function that was compiled. Until small calls of a
+kernel have taken WARM_UP seconds, Python or NumPy runs them, with the same bits. With
+NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that
+takes a constant integer is compiled for each value, because constants have their own types. A loop
+over lanes becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
   LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
@@ -177,7 +178,7 @@ class Tiered:
 
 # ------------------------------------------------------------------------------ compiled functions
 class Function:
-    """A function that compiled code calls. Calls from Python run it uncompiled.
+    """A function that is compiled for compiled code; calls from Python run the Python function.
 
     A wrapper of the compiled code for Python would make first calls a fifth longer.
     """
@@ -240,9 +241,11 @@ class CFunction(Tiered):
             return _address(self.compiled, self.kinds)
 
     def address(self, seconds=math.inf):
-        """Return the address of machine code, or of a Python function that takes few `seconds`.
+        """Return the address of machine code, or of a Python function for little work.
 
-        Code that may call the Python function must run within `calling_python`.
+        The Python function serves while nothing is compiled and all calls together, with this one
+        of about so many `seconds`, take less than WARM_UP. Code that may call the Python function
+        must run within `calling_python`.
         """
         is_small = not self.is_compiled and self.is_warming_up(seconds)
         if config.DISABLE_JIT or (is_small and not is_kept(self.compiled, self.kinds)):

@@ -8,8 +8,8 @@ psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)). Then
     (p, q) -> (1 + e G) (p, q),    G = ((0, A + k), (A - k, 0)),    G**2 = A**2 - k**2,
 
 and the flow is exp(t G / (2 sqrt(I1 I2))) with the R, A, psi of e = 0. State n is a quotient of
-quadratic forms in c and s, where (1 + e G)**n is a multiple of c + s e G. For (c, e s) there are
-two pairs of numbers (rho, sigma):
+quadratic forms in c and s, where (1 + e G)**n is a multiple of c + s e G. Two numbers (rho, sigma)
+replace (c, e s); they depend on the kind of the orbit:
 
 passes    A**2 > k**2, root = sqrt(A**2 - k**2), L = e root: rho = c - L s = r**n and
           sigma = e s = (1 - rho) / (2 root), r = (1 - L) / (1 + L): orbits go from one steady
@@ -17,8 +17,8 @@ passes    A**2 > k**2, root = sqrt(A**2 - k**2), L = e root: rho = c - L s = r**
 turns     A**2 <= k**2, root = sqrt(k**2 - A**2): rho = cos(n a), sigma = sin(n a) / root,
           tan(a) = e root
 
-For the flow n is the time, e = 0 in X, Y and K (`e_map`), and elsewhere e = 1 / (2 sqrt(I1 I2)),
-log r = -2 L and a = L. The state is, with complex numbers z, b and c,
+For the flow n is the time, log r = -2 L and a = L. Then e is 0 in X, Y and K (`e_map`), and
+1 / (2 sqrt(I1 I2)) elsewhere. The state is, with complex numbers z, b and c,
 
     (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22 sigma**2).
 
@@ -138,8 +138,8 @@ def difference_of_squares(ell, x, nu, k, X, K):
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
     """Fill rows of lane l with b, c, d12 and d22, for n >= 0 if `ahead` is 1, for n < 0 if -1.
 
-    Formulas and letters are in the head of this file. An orbit that `passes` and one that turns
-    have formulas of their own, with arguments of these names.
+    Formulas and letters are in the head of this file. `passes` is the truth value that the orbit
+    passes; `d22_passes` and `d22_turns` are d22 of the two kinds of orbits.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]

@@ -152,9 +152,10 @@ def continue_lanes(b, lanes, first, width, carry):
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take the lanes of a block, of which `plains` have the plain form, from state n to `pause`.
+    """Take a block from state n to `pause`; `plains` of its `lanes` take `plain_step`s.
 
-    A single lane stops if there is no next state. Tests of many lanes would take 1.4 times as long.
+    A single lane stops if there is no next state. Many lanes are not tested, and go on with NaN,
+    because tests would take 1.4 times as long.
     """
     if plains > 0:
         for begin in range(n, pause, DECAYING):

@@ -11,7 +11,7 @@ rejected step or another trial have one.
 If terms of the rate of a component cancel, the component may be 0 up to rounding. Then no step has
 digits of it, and shorter steps would not help. So an error below NOISY times the largest component
 may be as large as such changes of f at the points ALONG the step, and does not shorten the next
-step. If such an error decides about an accepted step, every eighth step has the trial.
+step. If such errors would shorten steps that are accepted, every eighth step has the trial, too.
 """
 
 from math import inf

@@ -77,9 +77,10 @@ def prepared(f, settings, sign, B, for_each):
 def solve_small_batch(f, table, x0, request):
     """Return (states, columns, records, None) of trajectories from x0, with `table` of f.
 
-    The states (count, B, D) are NaN where they are not reached; `columns` has `COLUMNS` by name. A
-    single trajectory may change its integrator. If one of several does, or if a trajectory ends
-    early or has an alarm, the result is (states, None, None, begun): `BatchSolver.run` continues.
+    The states (count, B, D) are NaN where they are not reached. `columns` is {name in `COLUMNS`:
+    array (B,)}, and `records` has the events. A single trajectory may change its integrator. If one
+    of several does, or if a trajectory ends early or has an alarm (`growing_components`), return
+    (states, None, None, begun), where `begun` is what `BatchSolver.run` needs to go on.
     """
     B, starts, count = len(x0), None, len(request.times)
     if f.offsets:

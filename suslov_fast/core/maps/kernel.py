@@ -11,8 +11,8 @@ x[line, component, lane]. After a failure a trajectory is NaN. In calls of the k
 
 arguments   are a `Scheme`, values (1 or B, T) and eps (1 or B,)
 final       has the states (B, D) that a run continues from
-carry       has the first state beyond a step from det A < 0, 0 if there is none; negative if a
-            component that keeps its sign along the motion changed it, while det A > 0
+carry       has, for each trajectory, the number n of the first state after a step with det A < 0,
+            or 0; -n if det A > 0, but a component that keeps its sign along motions changed it
 """
 
 import functools
@@ -91,7 +91,8 @@ class _Lines:
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
         Return False if a step needs `pivoting_step`, and this is not prepared. Then the caller
-        repeats the steps with `seconds`, the time that pivoting would take in Python.
+        repeats the steps with `seconds`, the time that pivoting would take in Python, which decides
+        whether it is compiled. The steps end early if `abandoned` becomes true.
         """
         stages = len(self.scheme.stages.fractions)
         every = min(every, stop + 1)  # so `every` times `stages` is an integer of 64 bits

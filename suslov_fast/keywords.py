@@ -23,8 +23,8 @@ _ORDINALS = "first", "second", "third", "fourth", "fifth"
 def lacking(thing: Any, name: str, here: str = "") -> AttributeError:
     """Return the AttributeError of an object, class or module that lacks the attribute `name`.
 
-    The message says what to use: `here` or, if `here` is "", what `words` or the package has for
-    this name.
+    The message says what to use: `here` or, if `here` is "", what the table of `words` advises for
+    this name, or where the package has it.
     """
     if isinstance(thing, ModuleType | type):
         kind = "module" if inspect.ismodule(thing) else "type object"

@@ -2,7 +2,7 @@
 
 Two rules make coordinates of a level: an integral of degree 1 in a variable is solved for it, and
 one quadric in three variables is projected from one of its points. Points are homogeneous,
-(x1, ..., xD, 1) times a factor: a number, or a polynomial in the parameter that is a letter.
+(x1, ..., xD, 1) times a factor: a number or, if a parameter is symbolic, a polynomial in it.
 """
 
 import math
@@ -80,7 +80,7 @@ def on_level(
         If these are not D - 2 independent integrals of the map, or the point is a singular one of
         their level, or no rule applies: then the message has the degrees of the equations left.
     ArithmeticError
-        If there is no map, or none of the level to itself.
+        If the map does not take the level to itself, one to one, or is undefined everywhere.
 
     Examples
     --------

@@ -201,7 +201,7 @@ class BatchRun:
         """Continue a group of trajectories to state `stop`, in chunks.
 
         Chunks divide the batch before they divide time, so that their data stay in the caches. If a
-        chunk takes little time, the next one is longer, because `cost` estimates slow steps. A
+        chunk takes little time, the next one is longer, because `cost` is an upper estimate. A
         block of lanes takes the same time however few of them are used, so a batch of one block is
         serial.
         """

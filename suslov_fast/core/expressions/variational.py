@@ -19,9 +19,9 @@ class Variational(RightHandSide):
     """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
 
     The last q columns are derivatives by the parameters `by` of f, times scales: v' = f'(x) v +
-    scale df/dp. The parameters are the table of f, then the scales. If `has_trace`, the state ends
-    with u, a constant as large as the columns, and s; s / u is the integral of trace f'. If f has
-    products of dense matrices, s stays 0.
+    scale df/dp. The table has the numbers of the table of f, then the scales. If `has_trace`, the
+    state ends with u, a constant as large as the columns, and s; s / u is the integral of trace f'.
+    If f has products of dense matrices, s stays 0.
     """
 
     of = None

@@ -192,9 +192,10 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, state (B,), modulus of the time at which each trajectory ended, and its `LaneState`
     columns  `COLUMNS` of each trajectory at its end, by name
-    lost     (B, D), relative errors of components, or RELATIVE, see `growing_components`; 0 if not
-             given. The run replaces them if they were given, or if an alarm ended a trajectory
-    doubtful (B,), True where there was an alarm that did not end the trajectory
+    lost     (B, D), relative errors of the components of x0, 0 if not given; RELATIVE asks for an
+             error relative to the component's own value (`growing_components`). After the run
+             these are the errors at the end, if `lost` was given or an alarm ended a trajectory
+    doubtful (B,), True where an alarm of `growing_components` did not end the trajectory
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run
     """
@@ -232,7 +233,7 @@ class BatchSolver:
         return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol, self.is_relative)
 
     def run(self, threads=1, begun=None):
-        """Take all steps, from the start or from `begun`: (rows, table, records) of a small batch.
+        """Take all steps, from the start or from `begun`, where `solve_small_batch` stopped.
 
         If `report`, which this thread calls from time to time, returns False, the steps end.
         """

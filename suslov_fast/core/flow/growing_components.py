@@ -97,9 +97,10 @@ def LOST(
 ):  # fmt: skip
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
-    `lost` increases by the relative error, and by an error of fast growth if the component keeps
-    its sign. Then a `lost` above both DEEP and 100 rtol becomes 1, which means that no digit is
-    right; for other components a `lost` above 1 does.
+    `lost` increases by the relative error of the step. If the component keeps its sign, `lost` also
+    increases by the error that columns have if the component grows fast in the step. A `lost` of 1
+    means that no digit is right: `lost` becomes 1 above the larger of DEEP and 100 rtol, or above 1
+    for components that may change their sign.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
     is_small = both * inverse * rtol < SMALL
@@ -205,7 +206,7 @@ def watch(code, alerts, on_trial):
     """Watch components after a step: in lanes `alerts`, and where some have lost digits.
 
     Explicit steps watch lost digits in every second step, and in the last step of a solution. In
-    lanes `on_trial` a second trial has allowed the errors: they are rounding, and do not count.
+    lanes `on_trial` errors were allowed by `second_trial`: they are rounding, and do not count.
     """
     line, work, text = code.line, code.work, code.text
     watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0

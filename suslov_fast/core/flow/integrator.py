@@ -18,7 +18,7 @@ from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 class Integrator:
     """The explicit integrator of a right-hand side f or, if `is_implicit`, the implicit one.
 
-    functions    `vector_functions` by name: `f` with the denominators of clocks, and functions of
+    functions    `vector_functions` by name: `f`, which is `f.with_denominators`, and functions of
                  surfaces, events and branches; in the implicit integrator also `j`, which finds
                  the entries of f', `factor` for 1 - s f', and `solve`
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;

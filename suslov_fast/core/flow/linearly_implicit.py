@@ -14,8 +14,9 @@ N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next).
 On true steps both vanish after extrapolation. A step is tested by A**-1 (first + second / 2), with
 A of the last column, so that layers at both ends do not cancel. At a knee f' at the end is much
 smaller than J. Then a step that has wrongly followed the slow motion of its start would pass,
-because A**-1 makes its error small. So f is evaluated once more, at the end plus this sum. If f' at
-the end then differs from J, A is factored with f' of the end, and A**-1 second / 2 is tested, too.
+because A**-1 makes its error small. So f is evaluated once more, at the end plus A**-1 (first +
+second / 2). If f' at the end then differs from J, A is factored with f' of the end, and A**-1
+second / 2 is tested, too.
 
 Columns with N = 4, 8, 12 and 16 pass the quarters of the step. States at the quarters are
 extrapolated like the end, with order 4 and the same stability. They locate crossings of surfaces.

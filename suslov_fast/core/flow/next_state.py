@@ -1,6 +1,7 @@
 """The next state from the ends of columns: x_next, f(x_next), and the error estimate e (`step`).
 
-A component whose rate contains it as a factor keeps its sign, and so do denominators of time.
+A component whose rate contains it as a factor keeps its sign. So does a denominator in f that
+depends on time alone, because a solution does not cross a pole of f.
 """
 
 from ..llvm.text import Carried

@@ -105,7 +105,7 @@ class Suslov(BodyOfEquations):
         """Return the energy, half the sum of J_i Omega_i**2; in three dimensions J = (I1, I2).
 
         The motion conserves it. Along orbits of the map it varies by O(eps**2), because the map
-        conserves :func:`kahan.modified_energy`.
+        conserves :func:`kahan.modified_energy`, in n dimensions at least nearly.
 
         Parameters
         ----------
@@ -132,8 +132,9 @@ class Suslov(BodyOfEquations):
 
         In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 l**2), with
         l = I13 Omega1 + I23 Omega2 + k (Lemma 1 of Dragovic and Gajic, arXiv:0807.2966). In n
-        dimensions it is F of the reduced body (:meth:`SuslovND.reduced`). For a body with I = 0, F
-        is the energy divided by 2 a b, where a and b are the first two different J_i.
+        dimensions it is F of the reduced body (:meth:`SuslovND.reduced`). If all products of
+        inertia I are 0, F is the energy divided by 2 a b, where a and b are the first two different
+        J_i.
 
         Parameters
         ----------
@@ -337,8 +338,7 @@ class Suslov(BodyOfEquations):
         omega_minus, omega_plus : ndarray(float, shape=(..., D))
             Angular velocities on the line I13 Omega1 + I23 Omega2 = -k. Orbits continue beyond
             poles, and a fixed point is its own limit. NaN for an orbit on a closed curve, which a
-            rotor makes possible, and for the one state of a body at which the map or its inverse is
-            undefined.
+            rotor makes possible, and for the state at which the map, or its inverse, is 0 / 0.
 
         Raises
         ------

@@ -122,10 +122,11 @@ def _reaction(problem: Problem) -> FloatArray:
 
 
 def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return the eigenvalues of f' = (I.x) J**-1 P, where P projects onto the complement of I.
+    """Return the eigenvalues of f', `slopes`, at steady states x of bodies in n dimensions.
 
-    They are I.x times the squares of singular values of P J**-1/2: squares of small singular values
-    keep more digits than small eigenvalues have.
+    There f' = (I.x) J**-1 P, where P projects onto the complement of I. The eigenvalues are I.x
+    times the squares of singular values of P J**-1/2: squares of small singular values keep more
+    digits than small eigenvalues have.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)

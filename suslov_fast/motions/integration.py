@@ -293,8 +293,8 @@ def _again(
     """Return a result in which trajectories with an alarm (`growing_components`) are recomputed.
 
     Components that lost digits are RELATIVE: their allowed errors are relative to their own values.
-    A second alarm adds components, and a third alarm adds all. A solution that ends sooner with
-    relative digits than without them is replaced by the solution without them, and is doubtful.
+    A second alarm adds components, and a third alarm adds all. If a solution ends sooner with such
+    allowed errors than without them, the solution without them is returned, marked as doubtful.
     """
     f, request = engine.f, engine.request
 

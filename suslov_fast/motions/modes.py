@@ -42,8 +42,9 @@ def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: in
 class Sliding:
     """Trajectories `where` (K,) of a batch of solutions, to be computed again with modes.
 
-    field, starts, request   equations, states x0 and request with modes; missing without modes
+    field, starts, request   equations, states x0 and request with modes
     contacts                 {number of an event, surfaces first: component that is its mode}
+    modes                    None if the equations have no modes; then the first three are not set
     """
 
     def __init__(
@@ -153,8 +154,9 @@ class Sliding:
         return *of_f, *(each.tracer.text(each.surface) for each in touching)
 
     def records(self, records: Any, columns: Any = None) -> Any:
-        """Return the records of events that a user gave; states and numbers are without modes.
+        """Return the records of events that a user gave, without those of modes.
 
+        States have no modes, and events have the numbers in `events` of the user, surfaces first.
         Derivatives keep only the directions with the numbers in `columns`.
         """
         which = records.which

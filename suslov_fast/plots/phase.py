@@ -20,10 +20,10 @@ _MOST = 500  # the most steps before and after the middle of an orbit
 class Plane:
     """The phase plane of a single body for a positive step size, in a complex coordinate z.
 
-    Let z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
-    l = k + Re(conj(g) z), and e = eps / (2 sqrt(I1 I2)). The levels of the first integral F are the
-    curves abs(z) / sqrt(1 + e**2 l**2) = R. The phase of a state on its level is
-    psi = arg(z / (1 - i e l)) - arg(g).
+    Let z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2), l = k +
+    Re(conj(g) z) with the momentum k of the rotor, and e = eps / (2 sqrt(I1 I2)). The levels of the
+    first integral F are the curves abs(z) / sqrt(1 + e**2 l**2) = R. The phase of a state on its
+    level is psi = arg(z / (1 - i e l)) - arg(g).
     """
 
     def __init__(self, body: Suslov3D, eps: float) -> None:

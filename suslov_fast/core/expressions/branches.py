@@ -76,7 +76,7 @@ def watch_of(f, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
     The program reads the values of all `surfaces` at x, then at y; for each surface of an event the
-    side of x and the level (both in rows `side` of `flow.memory`); and f's table. Its results:
+    side of x and the level (both in rows `side` of `flow.memory`); and `f.table`. Its results:
 
     1. the fraction of the line before the first crossing, or 1 without a crossing,
     2. 1 if a surface is crossed, else 0,

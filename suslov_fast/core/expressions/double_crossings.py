@@ -10,10 +10,11 @@ m is the least of s_1, s_2, s_3 and of the quartic through all five points.
 - m > e: the surface is not crossed.
 
 States have errors of about rtol, so s has an error d of rtol times the sizes of its terms. If |m| <
-d, a shorter step would not tell more: then e / d replaces e / |m|. At kinks d has rtol**(3/4) in
-place of rtol: there f only bends, and a motion beyond the kink for less than d**(1/2) has an error
-below rtol. Values of s within ROUNDING of its terms are no crossings: a temperature that relaxes to
-that of a room does not cross it.
+d, a shorter step would not tell more: then e / d replaces e / |m|. At kinks, where f itself is
+continuous, d has rtol**(3/4) in place of rtol: a motion that is beyond the kink by less than d is
+there for a time of about d**(1/2), in which f is wrong by about d, and d**(3/2) is below rtol.
+Values of s within ROUNDING of its terms are no crossings: a temperature that relaxes to that of a
+room does not cross it.
 
 The five values do not show a narrow hump of s between two points, as of a bell curve; polynomials
 have no such humps. At a hump the rate ds/dt changes its sign between two points. If the straight

@@ -37,7 +37,7 @@ class _Rates:
     """The rates of a `Program` f (D) with a mode for each surface, then for each contact.
 
     pairs        the two compared operands of each surface
-    comparisons  which operations compare them; both are results of `_comparisons_in`
+    comparisons  the operations that compare them; both are results of `_comparisons_in`
     values       the `ExtendedState` of f, its modes and its parameters
     surfaces     the operand of s for each surface
     touching     {number of an event: `Contact`}, at first {number of an event: `EventAction`}
@@ -142,7 +142,8 @@ class SlidingEquations(_Rates):
     size      the number of new components; 0 if no solution slides or rests, or if surfaces or
               pairs of them that depend on one another are too many (`MOST`, `MOST_PAIRS`)
     count     the number of surfaces. Their modes are components D, D + 1, ...; then come modes of
-              contacts; if there are contacts, also T / (1 + T) with the last time T, and the time
+              contacts. If there are contacts, two more components follow: T / (1 + T), where T is
+              the last requested time, and the time
     results   the operands of all rates in `values`
     contacts  {number of an event that is a contact: the component that is its mode}
     actions   an `EventAction` for each event on a surface, for the change of each mode, for the
@@ -263,10 +264,11 @@ class SlidingEquations(_Rates):
         """Return the state x (operands) with consistent modes of several surfaces.
 
         If solutions can slide along all surfaces near x, their modes become 0. So a solution that
-        winds into the point where the surfaces meet goes on. On both of two surfaces the only
-        consistent pair of modes is taken instead. The first mode is infinite if the modes are not
-        consistent or several pairs are, or if x is on the other side of a surface than its mode
-        says. It is also infinite if both modes of two surfaces with dependent jumps are 0.
+        winds into the point where the surfaces meet goes on. But if there are two surfaces, x is on
+        both, and only one pair of modes is consistent, the modes become this pair. The first mode
+        is infinite if the modes are not consistent or several pairs are, or if x is on the other
+        side of a surface than its mode says. It is also infinite if both modes of two surfaces with
+        dependent jumps are 0.
         """
         D, n = self.D, self.count
         values, number = self.values, self.values.number

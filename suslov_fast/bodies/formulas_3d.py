@@ -121,7 +121,7 @@ def _rotation_number(problem: Problem) -> FloatArray:
 
 @np.errstate(all="ignore")
 def closed_form(problem: Problem) -> tuple[FloatArray, ...]:
-    """Return h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
+    """Return h, k1, k2 and t of Section 4 of the paper; k1 and k2 are NaN unless -1 < t < 1.
 
     h = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2) is equation (9), k1 = -(2 / eps) artanh t
     solves equation (12), and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).

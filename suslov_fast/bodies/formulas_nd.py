@@ -140,7 +140,8 @@ def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
 def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
-    J = (a, b) and I = (c, d) of two coordinates become I1 = a, I2 = b, I13 = -d and I23 = c.
+    It is for bodies that `reduction` describes by two coordinates, with J = (a, b) and I = (c, d).
+    The body in three dimensions has I1 = a, I2 = b, I13 = -d and I23 = c.
     """
     parts, omega = problem.body._reduction, problem.omega
     J, I = parts.parameters(2)
@@ -166,7 +167,7 @@ def _first_integral(problem: Problem) -> FloatArray:
 
 
 def _density(problem: Problem) -> FloatArray:
-    """Return the density of the reduced body, divided by the areas of spheres.
+    """Return the invariant density: that of the reduced body, divided by the areas of spheres.
 
     States with the same coordinate r (see `reduction`) form a sphere. Its area is proportional to
     a power of r. The density is 1 for bodies of which every state is steady.

@@ -1,7 +1,8 @@
 """Maps that are composed of simpler maps (stages), such as a QRT map of two involutions.
 
-With letters, polynomials of a stage have tens of terms where the composed map has 10^4. So points,
-lines and polynomials are mapped by one stage after another, and common factors divided out of each.
+With symbolic parameters, polynomials of a stage have tens of terms, and of the composed map 10^4.
+So points, lines and polynomials are mapped by one stage after another, and common factors divided
+out of each.
 """
 
 import math

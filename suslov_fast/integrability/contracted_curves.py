@@ -74,7 +74,7 @@ class Plane:
 
 
 class Step(NamedTuple):
-    """One step of a germ."""
+    """One step of a germ: a curve through a point, given by power series in t."""
 
     germ: list[Any]  # the image, divided by t**common_order
     common_order: int

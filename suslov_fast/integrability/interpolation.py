@@ -87,7 +87,10 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
 
 
 def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
-    """Return the matrix of `over_rationals` modulo p; `matrix` is its value at some numbers."""
+    """Return a matrix of rational functions modulo p, for `over_rationals`, by interpolation.
+
+    `matrix` is its value where the variables have some random numbers.
+    """
     if not count:
         return [[({(): c}, {(): 1}) for c in row] for row in matrix]
     lengths, done = [*map(len, matrix)], itertools.count()

@@ -82,8 +82,9 @@ class Report:
     def proved_entropy(self) -> float | None:
         """The algebraic entropy of the map if it is proved, else None.
 
-        In the plane, contracted curves or an integral prove it; in three dimensions, the generic
-        level of one integral. For D > 2, D - 1 proved integrals show that it is 0. The theorems
+        In the plane, contracted curves or an integral prove it. In three dimensions with one
+        integral it is the entropy of the map restricted to the generic level of the integral, if
+        that is proved. For D > 2, D - 1 proved integrals show that it is 0. The theorems
         hold for birational maps: without an inverse it is None.
         """
         if self._levels_are_curves:

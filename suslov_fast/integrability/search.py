@@ -395,7 +395,7 @@ class Search:
     # Polynomials that were found.
 
     def _add_space(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
-        """Add polynomials with the same cofactor, None if it is unknown; return tasks."""
+        """Add polynomials with the same cofactor, None if unknown; return the tasks that follow."""
         if not space:
             return []
         space = tuple(sorted(map(without_content, space), key=sort_key))

@@ -84,7 +84,10 @@ class Records(NamedTuple):
         return Records._make(None if a is None else a[marked] for a in self)
 
     def with_part(self, where: NDArray[np.int64], part: Records, chosen: Any) -> Records:
-        """Return records in which `part`, of trajectories `where`, replaces where[chosen]."""
+        """Return records in which those of trajectories where[chosen] come from `part`.
+
+        `part` has the records of all trajectories `where`, numbered from 0.
+        """
         others = self.selected(~np.isin(self.trajectory, where[chosen]))
         part = part._replace(trajectory=where[part.trajectory])
         part = part.selected(np.isin(part.trajectory, where[chosen]))

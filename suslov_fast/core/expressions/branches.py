@@ -3,10 +3,10 @@
 A comparison of numbers, at which f may jump, becomes the comparison of a parameter with 1/2, and
 `floor` becomes a parameter. So f is smooth within a step, even beyond the surface on which the
 branch changes. On this surface the compared numbers are equal, or the argument of `floor` is an
-integer. The kinks of `abs`, `minimum` and `maximum` are branches, too. As f does not jump at a
-kink, a step that passes it only chooses the new branch. The branch of a table is an interval
-between knots. Its ends, height and slope become parameters: within a step the table is the straight
-line of this interval, with a surface at each end.
+integer. The kinks of `abs`, `minimum` and `maximum` are branches, too. A step ends just beyond a
+kink, too, but only the branch changes there, because f does not jump. The branch of a table is an
+interval between knots. Its ends, height and slope become parameters: within a step the table is the
+straight line of this interval, with a surface at each end.
 """
 
 import functools
@@ -76,7 +76,8 @@ def watch_of(f, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
     The program reads the values of all `surfaces` at x, then at y; for each surface of an event the
-    side of x and the level (both in rows `side` of `flow.memory`); and `f.table`. Its results:
+    side of x and the level, the value of s that counts as 0 (both in rows `side` of `flow.memory`);
+    and `f.table`. Its results:
 
     1. the fraction of the line before the first crossing, or 1 without a crossing,
     2. 1 if a surface is crossed, else 0,
@@ -225,10 +226,11 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
     Values below number `first` are the state and the other parameters. `surfaces` is {number of a
-    condition: `Surface`}. `shifted` is {number of a table's value: (p, q)}: the argument of the
-    table is p + q, where q is constant along a step. Return {old operand: operand in `fixed`}, and
-    three lists of operands: the functions of all surfaces in `fixed`, with p in place of p + q; the
-    branches of all surfaces in `tests`; and each q in `fixed`.
+    condition: `Surface`}, and `groups` are those of `_groups_of`. `shifted` is {number of a table's
+    value: (p, q)}: the argument of the table is p + q, where q is constant along a step. Return
+    {old operand: operand in `fixed`}, and three lists of operands: the functions of all surfaces in
+    `fixed`, with p in place of p + q; the branches of all surfaces in `tests`; and each q in
+    `fixed`.
     """
     functions, branches, shifts = {}, {}, {}
     choices = {number: surface.number for number, surface in surfaces.items()}

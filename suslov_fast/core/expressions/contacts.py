@@ -64,7 +64,7 @@ class Contact:
 
 
 class Contacts:
-    """The contacts {number of an event: `Contact`} of equations with modes.
+    """The contacts of bodies that may rest, {number of an event: `Contact`}, of `SlidingEquations`.
 
     After the modes, the state has two components: T / (1 + T), where the motion ends at the time T,
     and the time.

@@ -46,7 +46,8 @@ class Sparse:
     rows         the row of each entry of J, column by column
     numbers      the number of each of these entries in `places`
     pivots       for each column j in turn, the rows k < j with u_kj != 0
-    spans        (-, 2) first row and number of rows of each span
+    spans        (-, 2) first row and number of rows of each span: consecutive rows in which a
+                 column of L or U has entries
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """
 

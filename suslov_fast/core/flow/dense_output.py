@@ -90,8 +90,8 @@ def save_at_end(code):
 def _passed(code, how):
     """Return which accepted steps end past the next requested time; `how` compares: >, >= or =.
 
-    If a step ends on a surface, a time NEARLY at the end is not passed: actions come before its
-    state.
+    If a step ends on a surface, a requested time NEARLY at its end is not passed, because actions
+    of events come before the state at this time.
     """
     end = code.line.t[0]
     if code.integrator.events:

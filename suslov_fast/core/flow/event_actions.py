@@ -162,9 +162,10 @@ def AGAIN(
 
 @scalar_kernel
 def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest):
-    """Return the next length: `wanted`, or a first length (`first_length`) if that is longer.
+    """Return the next length: `wanted`, or the `first_length` at the new state if that is longer.
 
-    If actions have made f more than FASTER times as large, the length is at most a first length.
+    If actions have made f more than FASTER times as large, `wanted` is first cut to the
+    `first_length` for the largest values so far.
     """
     guess = first_length(size, rate, part, last)
     of_largest = first_length(larger(size, largest), rate, part, last)
@@ -272,7 +273,7 @@ def _look_at_end(code):
 
 
 def _look_a_moment_later(code):
-    """Write the numbers of surfaces, MOMENT * step length after the step, to the row `ahead`."""
+    """Write what `_look` finds at surfaces, MOMENT * step length after the step, to row `ahead`."""
     work = code.work
     signed = code.number("sign") * (MOMENT * work.taken[0])
     for i in code.text.each(code.D):
@@ -355,7 +356,7 @@ def _act_at_surfaces(code, is_there, by_motion, again):
 
 
 def _with_touching_side(code, k, side, level, fired):
-    """Return `side` and `level` of surface k as `TOUCHING_SIDE` does."""
+    """Return `side` and `level` of the state at surface k, mended by `TOUCHING_SIDE`."""
     inputs, ahead = _at_surface(code.work.toward, k), _at_surface(code.work.ahead, k)
     inputs |= {"side": side, "level": level, "fired": fired}
     inputs |= {"later": ahead["rate"], "slopes_later": ahead["slopes"]}

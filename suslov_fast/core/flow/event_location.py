@@ -108,8 +108,8 @@ def CROSSES(
 ):  # fmt: skip
     """Return whether a step crosses a surface, ends just beyond it, or may hide two crossings.
 
-    In a search a step crosses a surface if the values of s at its two ends show a crossing, or the
-    values at its points show two (`twice`).
+    In a search for the length that ends at a surface, a step crosses a surface if the values of s
+    at its two ends show a crossing, or the values at its points show two (`twice`).
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last

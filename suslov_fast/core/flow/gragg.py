@@ -41,7 +41,8 @@ class ExplicitColumns(FunctionCode):
     """Writer of the function void columns(x, f, table, work, count) by Gragg's midpoint rule.
 
     The function writes y_c - x, for the ends y_c of the first `count` columns, to the row `ends` of
-    `work`. The step has the length `signed`. x, f, `table` and `work` are addresses; f is f(x).
+    `work`. The row `signed` of `work` has the length of the step, with the sign of time. x, f,
+    `table` and `work` are addresses; f is f(x).
     """
 
     names = "f", "f"  # functions for the rates of what `a` and `b` hold

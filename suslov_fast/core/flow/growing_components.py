@@ -158,11 +158,11 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
 
 @scalar_kernel
 def GROWS(value, f, fed, signed, least, part, grow, fall):
-    """Return `value` if a component of a group grows, else `part` of it; count both cases.
+    """Return the trial `value` of a component if it grows, else `part` of it; count both cases.
 
-    The group are components at trial values. A component grows if the group adds more than `least`
+    Components with trial values are a group. A component grows if the group adds more than `least`
     times `value` to it in the step. f is the rate of the component, and `fed` its rate with 0 in
-    place of the group. `part` of the value is left if it does not grow.
+    place of the group.
     """
     is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {

@@ -33,7 +33,8 @@
 
 8. x = x_next, f(x) = f_next, where the step is accepted.
 
-A line has a trajectory in each lane. Lanes without a step of this integrator have h = 0.
+The code works on a vector of lanes, with a trajectory in each. Lanes without a step of this
+integrator have h = 0.
 """
 
 from math import inf

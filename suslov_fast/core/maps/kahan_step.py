@@ -116,9 +116,10 @@ class Step:
         self.places = {}
 
     def _increments(self, indices, D, halves, order, fill):
-        """Add the operations of elimination and of x_next; return {k: delta_k}, if not always 0.
+        """Add the operations of elimination and of x_next = x + 2 delta; return {k: delta_k}.
 
-        `halves` are the numbers of the values h v; `order` and `fill` are from `_plan_of`.
+        Components in which delta is always 0 are missing. `halves` are the numbers of the values
+        h v; `order` and `fill` are from `_plan_of`.
         """
         right = {}
         self.matrix = Matrix(indices, D, self.values, range(D), halves)

@@ -11,7 +11,7 @@ BLOCK = 64  # operations of a block of long programs: LLVM's time is quadratic i
 
 
 class Stage:
-    """Writer of the code of one stage of a `Step` for a line; `values` are its values by number.
+    """Writer of code for one stage of a `Step`, on a vector of lanes; `values` has its values.
 
     load(number) returns a value that no operation computes: a component of x, or a table value.
     """

@@ -46,7 +46,7 @@ def keeps_digits(b, l):
 
 @function
 def eliminate(a, b, lanes):
-    """Solve the systems of all lanes in place, without row exchanges; fill b[LEAST], b[LARGEST].
+    """Solve the systems of all lanes in place, without row exchanges; fill rows LEAST and LARGEST.
 
     Solutions replace right sides. L and U replace A, with inverse pivots on the diagonal.
     """

@@ -112,9 +112,10 @@ def fill_frames(b, lanes, first, width, parameters):
 
 @formula
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with initial states, as `fill_frames` does; return how many are in the plain form.
+    """Fill lanes with initial states; return how many of them are in the plain form of `map_3d`.
 
-    A single lane counts as LANES. States that are supercritical or not finite set their `status`.
+    If a block has a single lane, return LANES in place of 1. States that are supercritical
+    (`is_supercritical`) or not finite set their `status`.
     """
     for l in range(lanes):
         i = first + (l if l < width else 0)

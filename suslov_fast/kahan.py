@@ -1,4 +1,4 @@
-"""Kahan's map of a system: its derivative, its matrix, and the quantities that it conserves.
+"""Kahan's map of a system: its derivative, the matrix A, and the quantities that it conserves.
 
 :func:`suslov_fast.iterate` and :func:`suslov_fast.step` take steps of the map.
 """

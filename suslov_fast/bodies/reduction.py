@@ -87,8 +87,9 @@ class Reduction:
     def back(self, states: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the states (..., m) that have the coordinates `states` (..., size).
 
-        Their part in each E0 has the direction of the part of omega in E0. They are NaN if that
-        part is 0, so that it has no direction, but the coordinate r is not 0.
+        In each subspace E0, of vectors orthogonal to I in an eigenspace of J, a state has the
+        direction that omega has there, and the length r. If omega has no direction there, because
+        its part is 0, the state is NaN, unless r is 0.
         """
         _, r, direction = self._directions(omega)
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))

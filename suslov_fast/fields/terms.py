@@ -18,9 +18,10 @@ from .exact_numbers import text_of
 
 
 class Terms(NamedTuple):
-    """Terms in the order in which kernels add them: by indices, terms with a factor 1 last.
+    """Terms v x_j x_k in the order in which kernels add them: by indices.
 
-    No two terms have the same indices, and no term is 0 for all members of a family.
+    Linear and constant terms come last; there x_k, or both factors, are the constant 1. No two
+    terms have the same indices, and no term is 0 for all members of a family.
     """
 
     indices: NDArray[np.int64]  # (3, T)

@@ -146,9 +146,10 @@ class PlaneModulo:
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
-        """Return the `Passage` of two germs with `terms` powers of t; None if their orders differ.
+        """Return the `Passage` of two germs, series with `terms` powers of t.
 
-        The passage is `endless` if it needs more terms, or more than `most` steps.
+        Return None if steps of the two germs have different orders in t. The passage is `endless`
+        if it needs more terms, or more than `most` steps.
         """
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []

@@ -232,9 +232,11 @@ class _Equations:
         return self._level(embedding, chart, "; ".join([text, *how]))
 
     def _on_quadric(self, quadric: Any, kept: list[int], x: list[Any]) -> list[Any]:
-        """Return where a line through x meets a quadric again: coordinates `kept`, then the last.
+        """Return the point in which a line through x meets a quadric again, in four coordinates.
 
-        The direction of the line has the coordinates x1, x2 and 1 at `kept`, and 0 elsewhere.
+        They are the three homogeneous coordinates with the indices `kept`, and the last one. The
+        direction of the line has the coordinates x1, x2 and 1 at `kept`, and 0 elsewhere; x1 and
+        x2 are the variables of the plane.
         """
         one = self.plane.constant(1)
         start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in `plane`

@@ -146,7 +146,8 @@ def coefficients_in(P: Any, place: int) -> list[Any]:
 def primitive(P: Any) -> Any:
     """Return the multiple of P with coprime integer coefficients and a positive first coefficient.
 
-    With letters, the sign is that of the first term of lowest order in the first letter.
+    If P has letters, symbolic parameters, the positive coefficient is that of the first term of
+    lowest order in the first letter.
     """
     P = P.primitive()[1]
     orders = [e[0] for e in P.monoms()] if letters_in(P) else [0]

@@ -43,8 +43,10 @@ class Sliding:
     """Trajectories `where` (K,) of a batch of solutions, to be computed again with modes.
 
     field, starts, request   equations, states x0 and request with modes
-    contacts                 {number of an event, surfaces first: component that is its mode}
-    modes                    None if the equations have no modes; then the first three are not set
+    contacts                 {number of an event at which a body may rest: component of the mode};
+                             numbers count events on surfaces first
+    modes                    `SlidingEquations`, or None if no solution slides or rests; then the
+                             first three are not set
     """
 
     def __init__(
@@ -156,7 +158,7 @@ class Sliding:
     def records(self, records: Any, columns: Any = None) -> Any:
         """Return the records of events that a user gave, without those of modes.
 
-        States have no modes, and events have the numbers in `events` of the user, surfaces first.
+        States have no modes. The numbers of events count those on surfaces first, then others.
         Derivatives keep only the directions with the numbers in `columns`.
         """
         which = records.which

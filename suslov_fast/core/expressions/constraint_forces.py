@@ -64,7 +64,8 @@ class ExtendedState(Expressions):
     def with_forces(self, y, constraints, changes):
         """Return the rates y (D) with forces, the factors {mode: w_a}, and the matrix of n_a . d_b.
 
-        `constraints` is {mode: `Constraint`}, and `changes` is {mode: r_a}.
+        Letters are as in the head of this file: `constraints` is {mode: `Constraint` with n_a and
+        d_a}, and `changes` is {mode: r_a}.
         """
         number, matrix, right, y = self.number, {}, {}, [*y]
         for a, (holds, gradient, _) in constraints.items():

@@ -66,7 +66,7 @@ class Contact:
 class Contacts:
     """The contacts of bodies that may rest, {number of an event: `Contact`}, of `SlidingEquations`.
 
-    After the modes, the state has two components: T / (1 + T), where the motion ends at the time T,
+    After the modes, the state has two components: T / (1 + T), where T is the last requested time,
     and the time.
 
     reactions  {number of an event: minus d2s/dt2 if this contact had no reaction}

@@ -180,9 +180,10 @@ def products_in(operations):
 def along(emit, products, rows, v, totals=()):
     """Return the changes of values along a direction v, and v extended by entries of `products`.
 
-    v is {component: operand of its change}; the extended v also has the changes of entries of
-    products. `rows` are gradients, first of all operands of `products`, then of the values.
-    `totals` are operands to add to the changes, one for each row. None stands for 0.
+    v is {component: operand of its change}; the extended v also has the changes of the entries of
+    `products`, products of dense matrices. `rows` are gradients: first those of the operands of
+    `products`, then those of the values. `totals` are operands to add to the changes, one for each
+    row. None stands for 0.
     """
     v = dict(v)
     changes = (

@@ -120,8 +120,9 @@ def _humps(f, operations):
 def _rates_of(f, humps):
     """Return the `Program` of the rates of surfaces with `humps`, or None if there are none.
 
-    For each value s in `humps` it gives ds/du, with the fraction u of a step, and a bound below
-    which ds/du counts as 0. It reads the state x, dx/du, rtol, and the table of f.
+    `humps` are the values s that may have a hump (head of this file). For each the program gives
+    ds/du, with the fraction u of a step, and a bound below which ds/du counts as 0. It reads the
+    state x, dx/du, rtol, and the table of f.
     """
     if not humps:
         return None
@@ -145,7 +146,8 @@ def _decision_of(f, tested, by_states, humps, inside):
     """Return the `Program` `decision` of `DoubleCrossings`.
 
     `tested` has the place of each surface among the results of `f.watched`, its operand, and the
-    `Surface`. The values `by_states` depend on more than clocks.
+    `Surface`. `by_states` are the operands that depend on other components than clocks, `humps` as
+    in `_rates_of`, `inside` as in `DoubleCrossings`.
     """
     count, of_phases, of_rates = len(f.watched.results), *inside
     first_phase = len(_FRACTIONS) * count

@@ -233,9 +233,10 @@ def _toward(actions, D, P):
 
 
 def _of_columns(k, action, D, P, by, q):
-    """Return {name: `EventProgram`} of `tau` (on surfaces alone) and `column` of event k.
+    """Return {name: `EventProgram`} of `column` and, if event k is on a surface, of `tau`.
 
-    The column is with respect to parameter by[q], or to the initial state if q is None.
+    Both are formulas in the head of this file. The column is with respect to parameter by[q], or to
+    the initial state if q is None.
     """
     tau = 4 * D
     first, scales = tau + 1, tau + 1 + P

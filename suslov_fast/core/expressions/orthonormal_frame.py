@@ -22,10 +22,12 @@ SHIFT = 2.0
 
 @functools.lru_cache(64)
 def with_frame(f, moving):
-    """Return the `RightHandSide` of x, of the frame Q + SHIFT by rows, and of the logarithms l.
+    """Return the `RightHandSide` of x, of an orthonormal frame Q, and of the logarithms l.
 
-    f in x' = f(x) has no branches. Tangent vectors have entries for the components `moving` of x.
-    The parameters are the numbers in the table of f, which also contains the starts of clocks.
+    Q has tangent vectors as columns, and l the logarithms of their growth, as in the head of this
+    file; the variables are x, the rows of Q + SHIFT, and l. f in x' = f(x) has no branches. Tangent
+    vectors have entries for the components `moving` of x. The parameters are the numbers in the
+    table of f, which also contains the starts of clocks.
     """
     D, n = f.D, len(moving)
     first = D + n * n + n

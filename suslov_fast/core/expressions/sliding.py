@@ -229,8 +229,9 @@ class SlidingEquations(_Rates):
         return EventAction(s, to, -1, inf, 2)
 
     def _with_modes(self, x, leaving=None):
-        """Return the state x (operands) with the mode of each surface: the side, or as `_decided`.
+        """Return the state x (operands) with the mode of each surface.
 
+        The mode is the side of x, 1 or -1; if x is on the surface, `_decided` finds the mode.
         At event `leaving`, the body that rests at this contact is set free.
         """
         x = self.resting.decided(x, leaving) if self.contacts else [*x]
@@ -319,10 +320,11 @@ class SlidingEquations(_Rates):
 
 
 def _leads_to(mode, below, above, part):
-    """Return the truth value that f leads from a surface to the side `mode`, or back if it is 0.
+    """Return the truth value that f leads from a surface to the side `mode`, 1 above or -1 below.
 
-    `below` and `above` are ds/dt on both sides. A rate that leads to a side must be at least `part`
-    times the modulus of the other rate; a negative `part` admits rounding errors.
+    If the mode is 0, return that f leads back to the surface from both sides. `below` and `above`
+    are ds/dt on both sides. A rate that leads to a side must be at least `part` times the modulus
+    of the other rate; a negative `part` admits rounding errors.
     """
 
     def leads(rate, other):

@@ -2,7 +2,8 @@
 
 A surface with the value s and the rate s' = grad s . f is crossed a time -s / s' later if it lies
 ahead, and was crossed a time s / s' ago if the state is beyond it. Rates at the ends of implicit
-steps contain fast modes. So after these steps only rates of events and of clocks are used.
+steps contain fast modes. So after these steps times are estimated only for surfaces of events, and
+for surfaces that depend on clocks alone.
 """
 
 from math import inf

@@ -91,7 +91,8 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 
     The interval has the length `width`, and ends at the fraction u of the step. `crossed` becomes 1
     at the first crossing, `place` is its fraction of the step, and `end` is the u of its interval.
-    Up to the length `inner` no crossing is sought, because a step of this length has none.
+    In the first part of the step, of the length `inner`, no crossing is sought, because a step of
+    this length has none.
     """
     is_first = ((u * taken > inner).select(crosses, 0.0)) > crossed
     return {

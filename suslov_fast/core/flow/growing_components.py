@@ -98,9 +98,9 @@ def LOST(
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
     `lost` increases by the relative error of the step. If the component keeps its sign, `lost` also
-    increases by the error that columns have if the component grows fast in the step. A `lost` of 1
-    means that no digit is right: `lost` becomes 1 above the larger of DEEP and 100 rtol, or above 1
-    for components that may change their sign.
+    increases by the error that extrapolation has if the component grows fast in the step. A `lost`
+    of 1 means that no digit is right. It replaces every `lost` above a bound: the larger of DEEP
+    and 100 rtol, or 1 for components that may change their sign.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
     is_small = both * inverse * rtol < SMALL
@@ -139,9 +139,9 @@ def FED(new, f_new, fed, signed, lost, changes, left):
 def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
     """Return `lost` and its maximum `watches`; for an alarm these are RELATIVE and infinity.
 
-    Two results are of components below their allowed errors. `grows` becomes 1 if one of them that
-    has lost digits grows by itself by more than exp(LONG) in this step. `below` is their largest
-    `lost`. `fed` is as in `FED`.
+    `grows` and `below` are about components that are smaller than their allowed errors: `grows`
+    becomes 1 if such a component has lost digits and grows by itself by more than exp(LONG) in this
+    step, and `below` is the largest `lost` of such components. `fed` is as in `FED`.
     """
     size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
     is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))

@@ -38,7 +38,8 @@ class Integrator:
     factors      how many numbers the LU factors of 1 - s f' have, 0 in the explicit integrator
     rows, work   first rows of a trajectory's data and of the workspace, see `memory`; `scalars` are
                  the names of parts with one row
-    is_bounded   True if steps are at most a part of the time: f has clocks, or it may jump
+    is_bounded   True if steps are at most a part of the whole time, because f has clocks or may
+                 jump
     codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
 

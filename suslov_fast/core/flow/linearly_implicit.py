@@ -46,10 +46,11 @@ AT_END = 16.0
 def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     """Set `differs` to 1 if f' at the end of a step, times `right`, differs from f' at its start.
 
-    With f' at the start, the vector (1 - s f') right is `apart` + `at_end`. With f' at the end, it
+    `apart`, `at_end` and `right` are the `first`, `second` / 2 and the test of the head of this
+    file. With f' at the start, (1 - s f') right is `apart` + `at_end`. With f' at the end, it
     follows from `f_beside`, which is f at the state `right` beyond the end. f' differs if the
-    vector at the end is below half of the vector at the start. A vector at the start of at most
-    MOST_APART / AT_END allowed errors does not matter.
+    second vector is below half of the first one. A first vector below MOST_APART / AT_END times
+    the allowed errors does not matter.
     """
     whole, own = apart + at_end, right - s * (f_beside - f_new)
     is_large = AT_END * abs(whole) * inverse > MOST_APART

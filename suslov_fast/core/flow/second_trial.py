@@ -58,10 +58,10 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
 
 @scalar_kernel
 def BESIDE_POINTS(most, least, largest, second, is_end):
-    """Update three changes of f with `most`, the largest change of f beside one more point.
+    """Update three changes of f with `most`, the largest change of f at one more point of the step.
 
-    `least` is the smaller change of the two ends of the step; `largest` and `second` are the two
-    largest changes of all points.
+    A change is |f(x') - f(x)| for a state x' `BESIDE` the point x. `least` is the smaller change of
+    the two ends of the step; `largest` and `second` are the two largest changes of all points.
     """
     return {
         "least": (is_end > 0.0).select(smaller(most, least), least),

@@ -12,7 +12,8 @@ smoothing is needed. The rule is symmetric, and has the weights of Gragg's rule.
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns at equal
 estimates; therefore the estimate is multiplied by `tolerance.CAUTION`.
 
-Only Gragg's rule has two sequences that show false ends. It is used if f may have thin layers.
+If f may have thin layers, Gragg's rule is used, because only the difference of its two leapfrogs
+shows that all columns agree on a wrong end.
 """
 
 from .gragg import OF_SETS, ExplicitColumns

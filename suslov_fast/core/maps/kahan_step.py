@@ -145,8 +145,9 @@ class Step:
     is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
 
     def _add_tests(self, increments):
-        """Add the operations `rare`, and tests: increments do not cancel x, pivots are not small.
+        """Add the operations `rare`, for steps that are not `good`, and the tests of steps.
 
+        A step is `good` or `accurate` if increments do not cancel x and pivots are not small.
         `good` asks for more than `accurate`, but takes fewer operations.
         """
         number = self.values.number

@@ -374,8 +374,9 @@ def states(part, parts, parameters, omega0, is_map, n, out, reasons):
     is_map       1.0 for the map, 0.0 for the flow (then n are times, and eps is ignored)
     n            (N,), of any sign and in any order
     out          (N, B, 2)
-    reasons      (3, B) bool, set to True where a state is NaN. 0: r**n is not real; 1: X, Y or K is
-                 above RANGE, or a number is out of range; 2: a pole is before the state, or 0 / 0
+    reasons      (3, B) bool, set to True where a state is NaN, with the letters of the head of this
+                 file. 0: r**n is not real; 1: X, Y or K is above RANGE, or a number is out of
+                 range; 2: a pole is before the state, or 0 / 0
     """
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     target = array_at(out.ctypes.data, (out.size,), np.float64)

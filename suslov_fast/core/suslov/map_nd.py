@@ -68,9 +68,10 @@ def terms_at(c, b, i, l):
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Return u and v of the increment delta_i = (u w_i + v I_i) / d_i, by the two equations.
+    """Return u and v of the increment delta_i = (u w_i + v I_i) / d_i.
 
-    Return also True if u and v keep their digits, and the determinant. `square` is |w|**2.
+    They follow from the two equations for I.delta and w.delta in the head of this file. Return also
+    True if u and v keep their digits, and the determinant. `square` is |w|**2.
     """
     h = 0.5 * eps
     a11 = 1.0 - h * alpha

@@ -36,8 +36,8 @@ _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger c
 class Passage(NamedTuple):
     """Orders in t of the images of germs c + t v, where c is a point of a contracted curve.
 
-    Image k is the image after k = 1, 2, ... steps. The last image with orders is the last one that
-    is, for t = 0, a point without an image.
+    Image k is the image after k = 1, 2, ... steps. At some k the image of c itself (t = 0) is a
+    point without an image; orders are listed up to the last such k.
     """
 
     common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1

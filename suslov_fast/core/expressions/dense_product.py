@@ -140,9 +140,9 @@ def roll(values):
 def _row(values, number, sums):
     """Return {(factors, v): (c, number of the partial sum up to c v)} for a sum of terms c v.
 
-    `factors` are parameters that multiply or divide c, as g in (g * c) v. The row ends before a
-    value v that is out of order, or a constant c with other factors. `sums` has the numbers of sums
-    that are a part of one other sum.
+    `factors` are parameters that multiply or divide c, as g in (g * c) v. The row ends before the
+    first term in which the number of v does not increase, or c has other factors than in the terms
+    before. `sums` has the numbers of sums that are a part of one other sum.
     """
     terms, row, parts = [], {}, values.parts_of
     while not terms or number in sums:

@@ -64,7 +64,7 @@ class DoubleCrossings(NamedTuple):
     of_states    True if there are surfaces that depend on other components
     inside       the numbers of results of `phases` and of `rates`
 
-    The results of `decision` are maxima over all surfaces:
+    The results of `decision` are maxima over all surfaces, with e and m of the head of this file:
 
     1. e / |m|; from 1 on the step must be shorter. The result is MOST if interpolation or the rates
        show two crossings that the values at the points do not show.

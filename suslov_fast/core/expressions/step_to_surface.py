@@ -24,8 +24,8 @@ def aim_of(f, surfaces, is_implicit):
     `flow.memory`) for each surface of an event, and the table of f. Its results are
 
     1. the least time to a surface, negative if the state is just beyond it,
-    2. the longest time since a crossing: 0 without a crossing, infinity if the rate leads back or
-       is not used,
+    2. the longest time since a crossing: 0 without a crossing, infinity if the rate s' leads back
+       or, after an implicit step, contains fast modes,
     3. the least time to a surface of an event; where rounding makes s uncertain (`NOISE`), the
        time times SOONER.
     """

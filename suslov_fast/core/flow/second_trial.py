@@ -75,7 +75,7 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """Return errors of a component relative to its allowed error in the trial, and `inverse`.
+    """Return errors of a component relative to its allowed error in the trial, and its inverse.
 
     The allowed error is the largest of three: the one before the trial; `grows` h `least`; and
     OF_NOISE h `second`, which is at most NOISY `top`. h is the length `taken`, `top` the largest

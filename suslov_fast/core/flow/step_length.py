@@ -226,7 +226,7 @@ def TURN_EXPLICIT(
     """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
     `easy` counts the accepted steps since the last stiff one. At FORGET of them the count `stiff`
-    becomes 0. The lane may also end.
+    becomes 0. The lane ends if its next step would be too short, or after too many tries (`_ends`).
     """
     _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0

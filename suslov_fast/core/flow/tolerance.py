@@ -151,8 +151,8 @@ def _noise(code, i):
 def differences_of_sets(code):
     """Return `rates` and `states` of `DIFFERENCES` for `stormer`, and their `limit`.
 
-    They are products of the sums over both sets of variables. Then rates / states is (h |mu|)**4;
-    so `limit` becomes the square of the limit of h |mu|.
+    They are products of the sums over both sets of variables. So rates / states is (h |mu|)**4 in
+    place of (h |mu|)**2, and the limit of h |mu| is squared, too.
     """
     text, work, sums = code.text, code.work, []
     for components in code.integrator.sets:

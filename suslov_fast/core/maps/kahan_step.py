@@ -70,9 +70,10 @@ def _plan_of(indices, D):
 class Step:
     """The operations of a step of fields with terms v x_j x_k of f_i at `indices` (3, T): i, j, k.
 
-    Values 0 to D - 1 are the state x, and the next T are h v of the terms. If elimination needs too
-    many products, there are no operations. Then loops compute all steps (`maps.dense`), or SuperLU
-    for large sparse fields (`maps.superlu`).
+    h, N and A = 1 - N are as in the head of this file. Values 0 to D - 1 are the state x, and the
+    next T are h v of the terms. If elimination needs too many products, there are no operations.
+    Then loops compute all steps (`maps.dense`), or SuperLU for large sparse fields
+    (`maps.superlu`).
 
     fixed       operations on parameters alone
     table       the values of parameters alone that other operations need
@@ -85,7 +86,7 @@ class Step:
     negative    true if the number of negative pivots is odd, det A(x) < 0
     changed     true if a component that keeps its sign along the motion changes it in the step;
                 None if no component keeps its sign. These three are computed by `rare`
-    factors     `Factors` of 1 - N(x)
+    factors     `Factors` of A(x)
     is_long     true if there are many operations, which LLVM does not optimise
     is_sparse   true if elimination fills little of the matrix
     of_one_sign   components that keep their signs along the motion

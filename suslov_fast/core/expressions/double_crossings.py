@@ -212,9 +212,10 @@ def _turns(operations, arguments):
 def _decided(points, rates, rounding, tolerance):
     """Return e / |m| of a surface s, and 1 if its values show two crossings in a step, else 0.
 
-    e and m are as in the head of this file. `points` are s at five points of the step. `rates` is
-    None, or has ds/du and the bounds of `_rates_of` at these points. Values within `rounding` of 0
-    are no crossings, and an |m| below `tolerance` counts as `tolerance`.
+    m is the least value of s inside the step, e its error, as in the head of this file. `points`
+    are s at five points of the step. `rates` is None, or has ds/du and the bounds of `_rates_of` at
+    these points. Values within `rounding` of 0 are no crossings, and an |m| below `tolerance`
+    counts as `tolerance`.
     """
     agree = ((points[-1] >= 0.0).select(1.0, -1.0) * points[0]) >= -rounding
     sign = (agree.select(points[-1], points[MIDDLE]) >= 0.0).select(1.0, -1.0)

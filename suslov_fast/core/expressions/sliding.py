@@ -81,8 +81,9 @@ class _Rates:
         return not same(self.values.dot(gradient, direction).number, 0.0)
 
     def with_sides(self, sides):
-        """Return the rates (D), the factors of constraints and their matrix, as `with_forces`.
+        """Return the rates (D), the factors of forces, and the matrix of the equations for them.
 
+        They are results of `with_forces`, the forces being those of all surfaces and contacts.
         At surfaces in `sides`, {number of a surface: True above}, f is f of this side. At all other
         surfaces and contacts the mode decides whether the solution slides or rests there.
         """
@@ -266,10 +267,11 @@ class SlidingEquations(_Rates):
 
         If solutions can slide along all surfaces near x, their modes become 0. So a solution that
         winds into the point where the surfaces meet goes on. But if there are two surfaces, x is on
-        both, and only one pair of modes is consistent, the modes become this pair. The first mode
-        is infinite if the modes are not consistent or several pairs are, or if x is on the other
-        side of a surface than its mode says. It is also infinite if both modes of two surfaces with
-        dependent jumps are 0.
+        both, and only one pair of modes is consistent, the modes become this pair. Modes are
+        consistent if f, with these modes, leads to the side of each mode, or back to the surface if
+        the mode is 0. The first mode becomes infinite, a mark of failure, if the modes found are
+        not consistent or several pairs are, if x is on the other side of a surface than its mode
+        says, or if both modes of two surfaces with dependent jumps are 0.
         """
         D, n = self.D, self.count
         values, number = self.values, self.values.number

@@ -192,9 +192,10 @@ class BatchSolver:
     states   (count, B, D), the output; after the end of a solution it stays unchanged
     t, state (B,), modulus of the time at which each trajectory ended, and its `LaneState`
     columns  `COLUMNS` of each trajectory at its end, by name
-    lost     (B, D), relative errors of the components of x0, 0 if not given; RELATIVE asks for an
-             error relative to the component's own value (`growing_components`). After the run
-             these are the errors at the end, if `lost` was given or an alarm ended a trajectory
+    lost     (B, D), relative errors of the components of x0, 0 if not given. An entry RELATIVE asks
+             for allowed errors relative to the component's own value (`growing_components`). After
+             the run these are the errors at the end, if `lost` was given or an alarm ended a
+             trajectory
     doubtful (B,), True where an alarm of `growing_components` did not end the trajectory
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run

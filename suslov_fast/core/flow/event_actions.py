@@ -446,8 +446,9 @@ def _act(code, k, truth, by_motion=None):
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before):
-    """Find tau of each column of derivatives, and change columns, as `event_formulas` defines them.
+    """Find how much earlier event k comes along each column of derivatives, and change columns.
 
+    This time is tau; `event_formulas` has the formulas of both.
     In lanes `by_motion` tau is computed; an event caused by an action has the tau of that action.
     """
     text, work, f, D = code.text, code.work, code.f, code.f.of.D

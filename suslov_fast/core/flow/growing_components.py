@@ -123,9 +123,9 @@ def LOST(
 
 @scalar_kernel
 def FED(new, f_new, fed, signed, lost, changes, left):
-    """Set `lost` of a component to 0, and `changes` to 1, if components with digits feed it.
+    """Set `lost` of a component to 0, and `changes` to 1, if components with `lost` 0 feed it.
 
-    `fed` is the rate of the component with 0 in place of all components without digits. `left`
+    `fed` is the rate of the component with 0 in place of all components with `lost` > 0. `left`
     becomes the largest `lost` that remains.
     """
     stays = _rate(new, f_new - fed, signed) > NEXT * abs(new)

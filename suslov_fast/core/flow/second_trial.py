@@ -44,10 +44,11 @@ TINY_STEP = 2.0**-40  # part of the time: a step up to this length is short
 def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     """Return a component beside a `state` of the step, displaced by about its rounding.
 
-    A clock is later. Other components are displaced by BESIDE_SIZE times a part of their size, and
-    then by `move`. The part, from -1/2 to 1/2, is as good as random; `seeds` and `multiple`
-    determine it. The size is |state| at the ends of the step. Between the ends, where the state may
-    be 0, the size is the larger modulus of the two ends.
+    A clock, such as time, is moved to a later time, by about its rounding. Other components are
+    displaced by BESIDE_SIZE times a part of their size, and then by `move`. The part, from -1/2 to
+    1/2, is as good as random; `seeds` and `multiple` determine it. The size is |state| at the ends
+    of the step. Between the ends, where the state may be 0, the size is the larger modulus of the
+    two ends.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
@@ -75,14 +76,15 @@ def SECOND(
     t, taken, error, apart, inverse, least, largest, second, top, grows,
     ratio, of_apart, of_length,
 ):  # fmt: skip
-    """Return errors of a component relative to its allowed error in the trial, and its inverse.
+    """Return `error` and `apart` of a component relative to its allowed error in the trial.
 
-    The allowed error is the largest of three: the one before the trial; `grows` h `least`; and
-    OF_NOISE h `second`, which is at most NOISY `top`. h is the length `taken`, `top` the largest
-    component. `least`, `largest` and `second` are changes of f, as in `BESIDE_POINTS`. If the step
-    is hardly longer than the rounding of time, `largest` replaces `least`, because sub-steps
-    contain little except rounding. `of_length`, the ratio for the next length, omits errors that
-    only the trial allows, because these do not shrink with the step.
+    `ratio` and `of_apart` are maxima over components; `inverse` is 1 / allowed error. The allowed
+    error is the largest of three: the one before the trial; `grows` h `least`; and OF_NOISE h
+    `second`, which is at most NOISY `top`. h is the length `taken`, `top` the largest component.
+    `least`, `largest` and `second` are changes of f, as in `BESIDE_POINTS`. If the step is hardly
+    longer than the rounding of time, `largest` replaces `least`, because sub-steps contain little
+    except rounding. `of_length`, the ratio for the next length, omits errors that only the trial
+    allows, because these do not shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))

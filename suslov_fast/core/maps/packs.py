@@ -53,10 +53,10 @@ def plan_of(stages, table):
 
 
 def tables_of(scheme, values, eps, W):
-    """Return eps v / 2 of the terms (lines, T, W), and a table (lines, n, W) for each fraction.
+    """Return eps v / 2 of the terms (lines, T, W), and tables (lines, n, W) for stages.
 
-    A table has all values that a step needs and that depend on parameters alone. For one field and
-    one eps, `lines` and W are 1 in these shapes.
+    There is one for each different fraction of eps. A table has all values that a step needs and
+    that depend on parameters alone. For one field and one eps, `lines` and W are 1 in these shapes.
     """
     fractions, _ = distinct(scheme.stages.fractions)
     if len(eps) == len(values) == 1:

@@ -187,8 +187,9 @@ def take_steps(b, lanes, plains, n, pause):
 def finish_lanes(b, alone, plains, first, last, span, output):
     """Write the last states, `carry` and failures of trajectories `first` to last - 1.
 
-    A lane that is `alone` knows the step at which it failed. Among many lanes, failed_at becomes
-    TO_FIND where a trajectory may have failed. Return how many trajectories these are.
+    A later run continues from `carry`. A lane that is `alone` knows the step at which it failed.
+    Among many lanes, failed_at becomes TO_FIND where a trajectory may have failed. Return how many
+    trajectories these are.
     """
     _, final, carry, status, failed_at = output
     to_find = ZERO

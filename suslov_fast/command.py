@@ -18,7 +18,7 @@ import suslov_fast as sf
 
 from .words import answer
 
-# Modules that import NumPy or Numba are imported in functions: `--help` and most errors need none.
+# Functions import the modules that need NumPy or Numba, because `--help` and most errors need none.
 
 _ABOUT = "Kahan maps of the Suslov problem and of quadratic ODEs, and solutions of any ODEs."
 _EXAMPLES = """examples:
@@ -62,7 +62,7 @@ def main(words: Sequence[str] | None = None) -> int:
     if not words:
         parser.print_help()
         return 0
-    # A blank, because argparse takes a list such as -1,.5 for an option.
+    # Prepend a blank, because argparse takes a list such as -1,.5 for an option.
     words = [f" {each}" if re.match(r"-[\d.]", each) else each for each in words]
     options, unknown = parser.parse_known_args(words)
     if unknown:

@@ -239,7 +239,7 @@ def _whole(data: Any, given: dict[str, Any], N: int, length: int) -> Any:
     import dask.array
     from zarr.codecs import BloscCodec
 
-    # It makes states smaller than Zarr's default codec does, in a third of the time.
+    # This codec makes states smaller than Zarr's default codec does, in a third of the time.
     codec = BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle")
     parameters = given["system"]._arrays | {k: a for k, a in given.items() if k == "eps"}
     encoding: dict[str, Any] = {}
@@ -298,7 +298,7 @@ def _make(store: Any, whole: Any, encoding: Any) -> None:
         options: Any = {"mode": "w-", "compute": False, "consolidated": False, "zarr_format": 3}
         whole.to_zarr(new, encoding=encoding, **options)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # because format 3 does not define this yet
+            warnings.simplefilter("ignore")  # format 3 does not define consolidated metadata yet
             zarr.consolidate_metadata(new)  # the last step: a store without metadata is refused
         if is_folder:
             os.rename(new, store)

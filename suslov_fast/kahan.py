@@ -19,8 +19,8 @@ from .maps.map_records import Method, map_of
 from .maps.problem import Problem, check
 
 __all__ = ["invariant_density", "jacobian", "matrix", "modified_energy", "multipliers"]
-# Tolerance of fixed points: of the modulus of a component of f, over the sum of the moduli of its
-# terms; and of the length of a step of Newton's method, over the modulus of x.
+# At a fixed point, each |f_i| is at most _FIXED times the sum of the moduli of its terms,
+# or a step of Newton's method is at most _FIXED times the size of x.
 _FIXED = 1e-8
 
 

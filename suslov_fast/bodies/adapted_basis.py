@@ -70,7 +70,7 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     turn[..., :-1, :-1] = vectors.swapaxes(-2, -1)
     turn[..., 0, :] *= np.sign(np.linalg.det(turn))[..., None]
     tensors = turn @ rotated @ turn.swapaxes(-2, -1)
-    # Products of inertia that should be 0 have rounding errors of the moments.
+    # Products of inertia that should be 0 are as large as the rounding errors of the moments.
     largest = np.diagonal(tensors, axis1=-2, axis2=-1).max(axis=-1)[..., None]
     tensors[..., :-1, -1][abs(tensors[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
     return tensors, turn @ to_last + 0.0  # + 0.0 turns -0.0 into 0.0

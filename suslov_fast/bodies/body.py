@@ -82,7 +82,7 @@ class Suslov(BodyOfEquations):
             return body
         return body._rotated(checks.rotations("rotation", rotation, body.dimension + 1))
 
-    _is_solved: ClassVar[Any] = True  # whether the closed form is known, of members
+    _is_solved: ClassVar[Any] = True  # for each member, True if its closed form is known
 
     def _in_plane(self, problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
         """Return an equivalent problem in three dimensions, and the way back of its states."""

@@ -15,7 +15,7 @@ from ..status import IntegrationWarning
 SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
-_IN_PYTHON = 1e-5  # seconds of a state in Python; a call costs as much as 128 further states
+_IN_PYTHON = 1e-5  # seconds that Python takes for a state; a call takes as long as 128 states
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("no state, because n must be an integer up to 2**53 for so long an eps", RuntimeWarning),
@@ -46,5 +46,5 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
     states = states.reshape(*times.shape, *batch, 2)
     if plane is not problem:
         states = np.asarray(from_plane(states))
-        states[times == 0.0] = problem.omega  # exactly, because the reduction rounds
+        states[times == 0.0] = problem.omega  # the given states: `from_plane` rounds
     return states

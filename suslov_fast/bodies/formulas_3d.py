@@ -100,7 +100,7 @@ def _criticality(problem: Problem) -> FloatArray:
     T = in_range(abs(eps) * size) / np.hypot(2.0 * np.sqrt(I1 * I2), step)
     near = (k != 0.0) | (abs(T - 1.0) < 1e-6)
     if near.any():
-        frame = map_3d.frame_of.of_arrays(I1, I2, I13, I23, k, eps)  # same bits as in steps
+        frame = map_3d.frame_of.of_arrays(I1, I2, I13, I23, k, eps)  # bits as in steps of the map
         X, Y = map_3d.XY_in_frame.of_arrays(frame, I13, I23, k, w1, w2)
         beyond = map_3d.is_supercritical.of_arrays(frame, X, Y)
         T = np.where(near & beyond & (T < 1.0), 1.0, T)
@@ -201,7 +201,7 @@ def scattering_angle(
     # is the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
     # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
-    with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
+    with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; numbers may underflow to 0
         m = np.hypot(I13, I23)
         D = I13 * I13 * I2 + I23 * I23 * I1
         A = 0.5 * np.pi * (I1 * I2 * (m / D))

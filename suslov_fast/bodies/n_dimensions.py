@@ -251,7 +251,7 @@ class SuslovND(Suslov):
         return cls(J=J, I=products)._rotated(rotation)
 
 
-MAPS["SuslovND"] = Discretization(  # equation (15)
+MAPS["SuslovND"] = Discretization(  # equation (15) of arXiv:0807.2966
     name="SuslovND",
     title="Discrete Suslov problem in n dimensions",
     body=SuslovND,

@@ -28,9 +28,9 @@ from .formulas_3d import IN_3D, closed_form, eigenvalues_in_3d, scattering_angle
 class ClosedForm(NamedTuple):
     """The constants (...) of orbits that :meth:`Suslov3D.closed_form` returns."""
 
-    h: FloatArray  # equation (9)
-    k1: FloatArray  # equation (12)
-    k2: FloatArray  # Theorem 1
+    h: FloatArray  # equation (9) of arXiv:0807.2966
+    k1: FloatArray  # equation (12) of arXiv:0807.2966
+    k2: FloatArray  # the phase in Theorem 1 of arXiv:0807.2966
     t: FloatArray
 
     def __repr__(self) -> str:
@@ -408,8 +408,8 @@ class Suslov3D(Suslov):
         return scattering_angle(*np.broadcast_arrays(*self._constants[:4]))
 
 
-# The four examples at the end of Section 4: bodies and step sizes, and the extents of the axes,
-# which the paper does not state.
+# The four figures at the end of Section 4 of arXiv:0807.2966: bodies and step sizes. The paper does
+# not state the extents of the axes.
 FIGURES = {
     1: (Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
     2: (Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
@@ -418,7 +418,7 @@ FIGURES = {
 }
 
 
-MAPS["Suslov3D"] = Discretization(  # equation (4) of the paper
+MAPS["Suslov3D"] = Discretization(  # equation (4) of arXiv:0807.2966
     name="Suslov3D",
     title="Discrete Suslov problem",
     body=Suslov3D,

@@ -11,7 +11,7 @@ from .rigid import Suslov3D
 
 AnyBody = Suslov3D | SuslovND
 BodyOrField = AnyBody | Field
-MapOrField = BodyOrField | Map  # what `iterate` takes
+MapOrField = BodyOrField | Map  # the systems that `iterate` accepts
 System = MapOrField | Callable[..., Any]  # a function of the state may replace a field
 
 _NAMED: dict[Any, type[Any]] = {kind.__name__: kind for kind in get_args(MapOrField)}

@@ -32,7 +32,7 @@ class Body(Members, metaclass=Answering):
     """A body, field or map, or a batch; dataclass fields of a body are its parameters."""
 
     _axes: ClassVar[dict[str, int]] = {}  # 1 for parameters that are vectors, 2 for matrices
-    _positive: ClassVar[dict[str, int]] = {}  # exponents of ranges, see `checks.within`
+    _positive: ClassVar[dict[str, int]] = {}  # positive parameters: exponents for `checks.within`
     _called: ClassVar[str] = "a body or a field"
     _variable: ClassVar[str] = "omega"  # the name of states, in messages
     _left: ClassVar[str] = r"\dot{%s}"  # the left side of an equation in LaTeX, for a variable

@@ -25,7 +25,7 @@ from .terms import Terms
 
 _ONE = np.arange(1)
 _MOST_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
-_MOST_FORMS = 64  # the most forms of equations that are remembered
+_MOST_FORMS = 64  # the most forms, equations without their constants, in `_known_forms`
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 # A program of up to _MOST_OPERATIONS operations is compiled after _PATIENCE calls in NumPy, because
 # compiling it takes no longer than these calls took.
@@ -36,7 +36,7 @@ _LONG = 4000  # number of terms above which loops evaluate a field with few zero
 # None for motions without derivatives.
 Names = tuple[str, ...] | None
 Actions = tuple[EventAction, ...]
-_known_forms: dict[Any, tuple[float, ...]] = {}  # constants of the first equations of each form
+_known_forms: dict[Any, tuple[float, ...]] = {}  # the constants of each form's first equations
 
 
 class OfMembers(NamedTuple):

@@ -41,9 +41,9 @@ class Passage(NamedTuple):
     """
 
     common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1
-    curve_orders: tuple[tuple[int, ...], ...]  # of each contracted curve's equation at image k
+    curve_orders: tuple[tuple[int, ...], ...]  # orders of contracted curves' equations at image k
     steps: int | None  # the first k for which images are on a curve again; None without any
-    endless: bool = False  # True if no last point without an image was found
+    endless: bool = False  # True if the last point without an image was not reached
 
 
 class Plane:
@@ -212,8 +212,8 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # numbers of terms of power series in t, tried in this order
 _LONGEST = 20_000  # the most bits of the coordinates of a point
-_MONOMIALS = 2_000  # the most monomials of coordinates
-_NUMBERS = range(1, 9)  # numbers that are tried in place of s
+_MONOMIALS = 2_000  # the most monomials in all coordinates of a point
+_NUMBERS = range(1, 9)  # numbers that are tried in place of s, the parameter of points
 
 
 def is_proved(plane: Plane, number: int, passage: Passage) -> bool:

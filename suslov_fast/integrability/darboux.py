@@ -44,7 +44,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any) -> Polynomials:
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, p, eps))
-        if map.is_symbolic and space:  # formulas without LLL: pivots are monomials of low degree
+        if map.is_symbolic and space:  # in place of LLL: pivots become monomials of low degree
             return arithmetic.row_space(space, p)
         return space
 

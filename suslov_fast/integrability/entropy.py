@@ -245,9 +245,9 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
     return False
 
 
-# The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. After k more
-# steps it divides the pullback of C, and the common factor of the next iterate, with the powers
-# that are the orders of a germ. So, with d_0 = 1 and the degree d of the map,
+# Let s_j be the degree of the curve that the j-th iterate maps onto a contracted curve C. After k
+# more steps this curve's equation divides the pullbacks of contracted curves and the coordinates
+# of the next iterate; its powers are orders of a `Passage`. With d_0 = 1 and the map's degree d,
 #   s_j = deg(C) d_j - sum over curves and k of curve_orders(k) s_(j - k),
 #   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
 

@@ -183,7 +183,7 @@ def places_of_letters(system: Body) -> dict[str, tuple[str, Any, Any]]:
     J[0], and I1 for I[0] alone.
     """
     places: dict[str, tuple[str, Any, Any]] = {}
-    parameters = {"k": 0.0} if isinstance(system, Suslov3D) else {}  # k = 0 is no parameter
+    parameters = {"k": 0.0} if isinstance(system, Suslov3D) else {}  # its `parameters` omit k = 0
     for name, a in (parameters | system.parameters).items():
         if not np.ndim(a):
             places[name] = name, (), a

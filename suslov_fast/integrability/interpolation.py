@@ -31,7 +31,7 @@ Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coeff
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
 _DEGREES = 64  # the largest sum of the degrees of numerator and denominator
-_LINES = 1024  # the most lines; twice as many as terms of one degree are needed
+_LINES = 1024  # the most lines s + z t; T terms of one degree need 2 T lines
 SEARCHES = 4096  # the most searches modulo one prime
 _PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
 
@@ -165,7 +165,7 @@ def _interpolated(
     if not varying:
         return pairs
     size, t, numbers = 4, point(), range(1, 2**60)
-    if count == 1:  # the letter is z
+    if count == 1:  # then s + z t is z, the letter itself
         s, t = [0], [1]
     while True:
         line = Line(rng.sample(numbers, size), p)

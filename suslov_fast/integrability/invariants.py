@@ -63,8 +63,8 @@ class Invariants:
         self._normal: dict[int, str] = {}  # texts of spaces in normal form, by cofactor value
         # Lists of polynomials with the same unknown cofactor.
         self.spaces: list[list[RationalFunction]] = []
-        self.densities: list[RationalFunction] = []  # densities that a theorem gives
-        self.early_densities: list[RationalFunction] = []  # found without factors of det DPhi
+        self.densities: list[RationalFunction] = []  # 1 / det A, if there is a Hamiltonian
+        self.early_densities: list[RationalFunction] = []  # found before det DPhi is factored
         self.has_factors = False  # True when the factors of det DPhi are known
         self._point = arithmetic.random_point(map.dimension, self.p)
 
@@ -139,7 +139,7 @@ class Invariants:
         basis = normal_basis(space, [modified.as_quotient(self.map.ring)[0]] if modified else [])
         denominator, *others = map(factored, basis)
         self.forms[value] = [rational_functions.without_constant(P / denominator) for P in others]
-        # Products of generators of other cofactors stay; the others are replaced.
+        # The generators of this cofactor are replaced. Products of several generators stay.
         texts = {str(self.generators[k]) for k in self._numbers(value)}
         kept = [P for f, P in zip(elements, space, strict=True) if str(f) not in texts]
         simple = sorted(polynomials.selected(basis, kept), key=degree_of)
@@ -324,7 +324,7 @@ def _coprime_factors(numbers: Iterable[Any]) -> list[int]:
     return base
 
 
-_SIGNS = 70  # random points at which a definite polynomial has one sign
+_SIGNS = 70  # random points at which `is_definite` compares the signs of a polynomial
 
 
 def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
@@ -345,7 +345,8 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
     highest = max(degree_of(P) for P in basis)
 
     def order(P: Any) -> tuple[Any, ...]:
-        complex_factors = count_factors(P) + (degree_of(P) < highest)  # one factor is at infinity
+        # In homogeneous coordinates, a P of lower degree also has a factor at infinity.
+        complex_factors = count_factors(P) + (degree_of(P) < highest)
         factors = sum(e for _, e in factored(P).factors)
         simplest = len(P), has_constant_term(P), -factors, str(P)
         return degree_of(P), str(P) not in first, -complex_factors, *simplest

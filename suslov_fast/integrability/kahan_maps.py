@@ -256,7 +256,7 @@ class KahanMap(RationalMap):
         if L.det() == 0:
             return None
         products = (int(L[i, k]) * x[i] * f[k] for i in range(D) for k in range(D))
-        of_H = sum(products, zero)  # a part of degree d is d times the same part of H
+        of_H = sum(products, zero)  # x . grad H: a term of degree d is d times the term of H
         degrees = map(sum, exponents_in_x(of_H))
         terms = {e: 6 // d * c for d, (e, c) in zip(degrees, of_H.terms(), strict=True)}
         return primitive(zero.context().from_dict(terms))

@@ -26,14 +26,14 @@ from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, with
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # the most coefficients of a polynomial of a higher degree than the report has
+_FEW = 80  # the most coefficients of a polynomial above the degree of the report
 _ENOUGH = 10  # so many iterates are enough if their degrees satisfy a recurrence
 _MOST = 40  # the most iterates for which degrees are computed
 _CHEAP = 100  # degree of an iterate up to which the next iterates take little time
-_COSTLY = 3_000  # degree times length of a map: an iterate is computed only for a recurrence
+_COSTLY = 3_000  # expected degree times map length, above which a known recurrence ends the search
 _TOO_COSTLY = 8_000  # iterates of a higher expected degree are not computed
-_TOO_LONG = 6_000  # latest degree times length: the next takes 1 to 4 s in the zoo, on an AMD EPYC
-_SHORT = 1.0  # the most seconds of a proof before the factors of the map are known
+_TOO_LONG = 6_000  # latest degree times map length: the next degree takes 1 to 4 s (zoo, AMD EPYC)
+_SHORT = 1.0  # the most seconds of a proof before det DPhi is factored
 _HIGHEST = 8  # degree of maps, up to which contracted curves are followed: for 18 it takes minutes
 _MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
 # Kinds of tasks in the order in which they run; tasks of a group run in the order of their degrees.
@@ -55,7 +55,7 @@ class Task:
     run: Callable[[], Tasks]  # does the work, and returns the tasks that follow from its result
     kind: str
     degree: int = 0  # of polynomials; a report lists to which degree all tasks of a kind are done
-    needed: bool = True  # False: left out unless its degree is expected to give more
+    needed: bool = True  # False: the task runs only if `Search._is_wanted(degree)`
 
     def __str__(self) -> str:
         return self.kind + f", degree {self.degree}" * (self.degree > 0)
@@ -181,7 +181,7 @@ class Search:
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials of this degree may add integrals, or replace longer ones."""
         is_small = self.unknowns(degree) <= _FEW
-        if degree > self.degree:  # of products of conjugate polynomials
+        if degree > self.degree:  # sought for products of conjugate polynomials
             return is_small and len(self.known.integrals) < (self.relations or 0)
         if not self.is_complete:
             return True

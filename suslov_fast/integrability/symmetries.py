@@ -24,7 +24,7 @@ from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
-DEGREES = {1: 5, 2: 5, 3: 4}  # largest degree of products of equations, by dimension
+DEGREES = {1: 5, 2: 5, 3: 4}  # largest degree of products of equations and monomials, by dimension
 _AFFINE = 2  # the largest dimension in which the shift b is sought; in three dimensions b = 0
 _LARGEST = 10**6  # the largest numerator and denominator of an entry of a symmetry
 

@@ -30,7 +30,8 @@ from .problem import Problem
 CHUNK_WORK, _SAVING = 2**26, 8.0
 # Seconds: after a chunk below _SHORT the next has twice as many steps, after one above _LONG half.
 _SHORT, _LONG = 0.02, 0.1
-# Seconds of Python for a part of a step; the most trajectories that kernels take singly.
+# Seconds that Python takes for a step of one trajectory, per unit of cost. Up to _FEW trajectories
+# are computed one by one; larger batches fill whole blocks of lanes.
 _IN_PYTHON, _FEW = 1e-5, 6
 # Work of a chunk with orientations: the number of states times n**2.
 TURNING = 2**24
@@ -213,7 +214,7 @@ class BatchRun:
         if width * length * cost > CHUNK_WORK:
             most = threads or numba.config.NUMBA_NUM_THREADS
             budget = min(width // lanes, most) * CHUNK_WORK / cost  # steps of single trajectories
-            unit = lanes * most  # multiples of it give all threads as many blocks
+            unit = lanes * most  # multiples of it give each thread the same number of blocks
             width = min(max(int(budget / length) // unit, 1) * unit, width)
             length = max(int(budget / width), 1)
         for begin in range(0, size or 1, width):

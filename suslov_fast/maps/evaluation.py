@@ -10,7 +10,7 @@ from ..checks import FloatArray, first_index, spell, warn
 from ..status import IntegrationWarning
 from .problem import Problem, check, part_of
 
-# The size of a part of a batch, which fits into the caches: D**2 for each state.
+# The largest number of states times D**2 in a part of a batch: it fits into the caches.
 PART = 2**16
 
 

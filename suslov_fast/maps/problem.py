@@ -16,7 +16,7 @@ class Problem(NamedTuple):
     body: Any
     omega: FloatArray  # (..., D)
     eps: float | FloatArray  # 0 if there is no step size
-    batch: tuple[int, ...]  # the shape to which all parts broadcast
+    batch: tuple[int, ...]  # the shape to which body, omega, eps and orientation broadcast
     threads: int | None = None
     name: str = "omega"  # name of the states, in messages
     method: str = "auto"

@@ -39,7 +39,7 @@ _WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest 
 _PROBE = 1e-6  # relative displacement of an equilibrium, to which Newton's method must lead back
 _COUNTED = 10_000  # the most starts for which the text of the result counts different states
 _NEUTRAL = 2.0**-48  # rounding errors of eigenvalues, divided by the largest entry of f'
-_ZERO = 1e-15  # largest |f| at a multiple root, divided by `terms`
+_ZERO = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`
 
 
 class Equilibria(NamedTuple):
@@ -336,7 +336,7 @@ class _Equations:
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
-        size = 1.0 if is_map else size  # integrals of maps get the multiplier 0
+        size = 1.0 if is_map else size  # -1 in f' - 1: the multiplier of an integral is 0
         return along @ slopes @ along - size * (one - along)
 
     @cached_property
@@ -344,7 +344,7 @@ class _Equations:
         """Sizes of the terms of f (..., k): |f'| u at the given states, with u = `units`."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
-        return np.where(np.isfinite(terms), terms, 0.0)  # where f' is infinite f must be 0
+        return np.where(np.isfinite(terms), terms, 0.0)  # if f' is infinite, f must be exactly 0
 
     def is_zero(self, y: FloatArray) -> Any:
         """Return True where f is 0 up to rounding errors, which is so near multiple roots."""
@@ -463,7 +463,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
     for index in map(tuple, np.argwhere(f_is_finite & ~is_found)):
         y[index], is_found[index] = equations.member(index).by_scipy()
     leads, is_family = equations.near(y)
-    if (is_multiple := is_found & ~leads).any():  # small components may have no digits yet
+    if (is_multiple := is_found & ~leads).any():  # small components may still be inaccurate
         closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
         y = np.where(is_multiple[..., np.newaxis], closer, y)
         is_found = is_found & (leads | equations.is_zero(y))
@@ -481,7 +481,7 @@ def _totals(C: FloatArray) -> FloatArray:
     _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
     free = rows[int((values > _RANK * values[0]).sum()) :]
     pivots = []
-    for i in range(len(free)):  # in echelon form, so that integrals of other sizes do not mix
+    for i in range(len(free)):  # in echelon form, so that integrals of different sizes do not mix
         pivots.append(int(abs(free[i]).argmax()))
         free[i] /= free[i, pivots[i]]
         others = np.arange(len(free)) != i

@@ -23,8 +23,8 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event, traced
 
-# `starts_at_rest` evaluates surfaces at points at a distance of _NEAR times the size of x0. At rest
-# a surface function changes from side to side by at most _EVEN times its size.
+# `starts_at_rest` evaluates a surface function at a distance of _NEAR times the size of x0. A state
+# rests if the values before and after it differ by at most _EVEN times their size.
 _NEAR, _EVEN = 2.0**-16, 2.0**-8
 
 

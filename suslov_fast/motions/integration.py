@@ -26,8 +26,8 @@ _IN_THREADS = 64  # the most trajectories that one thread takes, unless the user
 _LONG = 30_000  # the most operations of f that compile in a short time
 _LARGE = 50  # with a dense f', LSODA is faster for more equations: measured on rate networks
 _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
-# Why digits are in doubt: a component fell below 1e-300; or the solution ends sooner if small
-# components have relative digits.
+# Why digits are in doubt. FELL: a component fell below 1e-300. NO_DIGITS: the solution ends sooner
+# if the allowed errors of small components are relative to their values.
 FELL, NO_DIGITS = np.int8(1), np.int8(2)
 _FEW = 256  # a batch with at most so many numbers in its states is small
 
@@ -44,7 +44,7 @@ def warn_of_size(f: Any, is_implicit: bool) -> None:
         )
         return
     count = 0 if is_implicit or f.is_dense else len(f.f.operations)
-    if count > max(_LONG, f.D**2):  # fewer operations are no sums over all variables
+    if count > max(_LONG, f.D**2):  # sums over all variables need D**2 operations
         checks.warn(
             f"f has {count} operations, which take about {count / 10_000:.0f} s to compile: write "
             "sums over all variables as products W @ v with matrices"
@@ -137,7 +137,7 @@ class SolverResult(NamedTuple):
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
     columns: dict[str, NDArray[Any]]  # of `COLUMNS`, (B,) each
-    ends: Ends | None = None  # None if all have reached the last time, at once and without doubt
+    ends: Ends | None = None  # None if no trajectory ended early, was repeated or is doubtful
     records: Any = None  # `Records` or `Rows`, if there are events
     derivatives: Any = None  # (n, B, D, C), if they are asked for
     is_stopped: bool = False  # whether `report` ended the run
@@ -240,7 +240,7 @@ def to_tolerance(
         times, places = np.unique(request.times, return_inverse=True)
         request = request._replace(times=times)
     times = request.times
-    if len(times) and (times[-1] > 0.0 or has_events):  # an event at time 0 acts
+    if len(times) and (times[-1] > 0.0 or has_events):  # events at time 0 act, too
         result = _of_groups(right_hand_sides(groups, shape, batch), x, request)
     else:
         result = empty_result(x, len(times)).without_steps(np.isnan(x[:, 0]))

@@ -25,8 +25,8 @@ from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
 _NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
-_TURNS = 12  # the most turns in a period
-_SAME = 1e-6  # the largest distance of two turns, in ranges of the orbit
+_TURNS = 12  # the most turns of an orbit that `_one_turn` recognizes in the given period
+_SAME = 1e-6  # the largest distance between the starts of equal turns, in ranges of the orbit
 _FAR = 0.5  # distance between orbit and x0, in ranges of the orbit, that causes a warning
 _ROUGH = 1e-8  # the least tolerance of the search for a near return
 _LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0
@@ -170,7 +170,7 @@ def periodic_orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
-        if not (orbit.stable or motion.is_forced):  # else x0, or the force, leads to the orbit
+        if not (orbit.stable or motion.is_forced):  # an attractor or a forced orbit may be far away
             _warn_of_distance(search, x)
     return orbit
 

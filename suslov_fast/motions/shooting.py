@@ -33,7 +33,7 @@ _HALVINGS = 10  # the most halvings of a step
 _LEAST = 1e-8
 _LONGEST = 0.3  # the longest step of log T
 _CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
-_LEAST_CHANGE = 1e-6  # the smallest relative correction
+_LEAST_CHANGE = 1e-6  # the smallest relative correction of T
 _ARCS = 1, 4, 16  # numbers of arcs that are tried in this order
 _GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are tried
 # The allowed residual, divided by rtol and the growth of derivatives; and its limit for small rtol.
@@ -42,16 +42,16 @@ _LEAST_SIZE = 2.0**-20  # the smallest unit of residuals, as a part of the large
 _ROUNDING = 2.0**-49  # rounding error of T, which matters where states change fast
 _STRONG = 1e3  # weight of the equation that keeps the phase
 _LOOKS = 512  # number of states of a motion that are compared with its start
-_OF_FORCE = 1e-6  # relative difference of two motions that are the same up to errors
+_OF_FORCE = 1e-6  # largest relative difference of motions that start one period of the force apart
 _FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
 # The longest time until a near return, in units of |x / f(x)|, and how often it is halved for the
 # first search.
 _LAST, _DOUBLINGS = 2.0**16, 28
 _INSIDE = np.arange(33) / 32  # parts of the time in which the search for a return is refined
-# Distances from the start, in units of the extent of the orbit: of states that are compared, of a
-# near return, and of a motion that has left the start.
+# Distances from the start, in units of the extent of the orbit: the largest at which a return is
+# refined, the largest of a near return, and the least after which the motion has left the start.
 _FAR, _NEAR, _AWAY = 1.0, 0.1, 0.5
-_LATEST = 4.0  # the nearest return is searched for up to this multiple of the first near return
+_LATEST = 4.0  # the search for a nearer return ends at this multiple of the time of the first one
 
 
 class FieldFlow:

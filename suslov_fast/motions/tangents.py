@@ -41,7 +41,7 @@ _ROOM = 8.0  # the largest product of the length of the first segment and the si
 # A segment is short enough if no entry of the diagonal of R exceeds _LARGEST, and all exceed _LEAST
 # and _LEAST times the largest entry: errors are `rtol` times the largest columns so far.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
-_OF_ALL = 2.0**-6  # each column at time 0 has this part of all directions
+_OF_ALL = 2.0**-6  # each column at time 0: an eigenvector plus this part of all directions
 # After the shortest segment an entry of R has no digits if it is at most _DEAD times the largest
 # entry, or at most _NO_DIGITS: rounding errors in an event leave so much of a column of length 1.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
@@ -238,11 +238,11 @@ class _Run:
         is_changed, passed = self._changes_of(engine, K)
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
-        matters = lives.copy()  # the trace of f' replaces the last column, unless an event acts
+        matters = lives.copy()  # the last growth follows from the trace of f', unless an event acts
         matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
-        # With events, the columns may have become infinite, and not the state.
+        # With events, infinite columns may end a long segment. Then a shorter segment follows.
         is_end = ended & (is_last | (self.event_times is None))
         self.status[which[is_end]] = STATUS[engine.state][is_end]
         self.t[which[is_end]] += engine.t[is_end]

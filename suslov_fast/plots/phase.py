@@ -11,8 +11,8 @@ from ..checks import FloatArray, integer, kind_of, positive, wrong
 from ..keywords import public
 from ..orbits.iterate import iterate
 
-# Orbits are drawn where abs(l) exceeds this part of its value in the middle of the orbit; at steady
-# states l is 0.
+# Orbits are drawn where abs(l), see `Plane`, exceeds this part of its value in the middle of the
+# orbit, because l is 0 at steady states.
 _AT_THE_LINE = 0.07
 _MOST = 500  # the most steps before and after the middle of an orbit
 

@@ -17,11 +17,11 @@ from .numpy_evaluation import results_at
 from .programs import emitted
 from .values import joined, larger
 
-# Bounces that last less than SOON times the time, or are lower than LOW times the terms of the
-# surface, are a rest.
+# A body rests if its next bounce would last less than SOON times the time, or would be lower than
+# LOW times the terms of s.
 SOON, LOW = 2.0**-35, 2.0**-42
-FAR = 2.0**-16  # part of the way of a free body: a body that is farther from its surface is free
-PULL = 64.0  # rate of the pull of a body at rest to its surface, times the time
+FAR = 2.0**-16  # a rest ends if |s| is above FAR times t**2 times the terms of d2s/dt2
+PULL = 64.0  # at rest errors of s decay as exp(-PULL t / T), where T is the last time
 LEAST = 2.0**-1000
 
 
@@ -123,7 +123,7 @@ class Contacts:
             s, rate, force = abs(s), abs(rate), square.sqrt()
             of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time)
             is_on = (s <= low + of_step + LEAST) | (rests & (s <= 2.0 * abs(c.s)))
-            # The time to the next bounce, or its height, is rounding.
+            # The duration of the next bounce, or its height, is below rounding errors.
             is_slow = (2.0 * rate <= force * (SOON * time)) | (0.5 * (rate * rate) <= force * low)
             lands = is_on & (is_slow | (rests & (rate <= 2.0 * abs(c.rate))))
             lands = lands & ~rests if k == leaving else lands

@@ -17,7 +17,7 @@ from .programs import Expressions, dot, renamed
 
 ENTRY, _SUMS = "entry", ("fadd", "fsub")
 AT_ONCE = 16  # rows that machine code may take at once
-# The least number of entries, and the least part of entries that are not 0, for loops (`is_large`).
+# A product has loops if LEAST entries, and the part LEAST_PART of all, are not 0 (`is_large`).
 LEAST, LEAST_PART = 24 * 24, 0.25
 
 
@@ -113,7 +113,7 @@ def roll(values):
                 groups.append(group := [])
             group.append(row)
             group_of |= dict.fromkeys(row, group)
-    new = count(-1, -1)  # numbers of values
+    new = count(-1, -1)  # numbers of new values, unlike all old numbers
     for group in groups:
         often = Counter(chain.from_iterable(group)).items()
         most = {key for key, n in often if n > LEAST_PART * len(group)}

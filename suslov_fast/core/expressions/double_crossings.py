@@ -42,13 +42,14 @@ from .values import larger, operand_of, smaller
 POINTS = 0.23, 0.49, 0.76, 1.0
 _FRACTIONS, MIDDLE = (0.0, *POINTS), 2
 ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
-# Factors of divided differences in e. If the fourth one is 0 by chance, the third one decides.
+# e is OF_FOURTH times the fourth divided difference of s, and at least OF_THIRD times the third,
+# because the fourth may be 0 by chance.
 OF_FOURTH = 16.0 * prod(abs(POINTS[1] - u) for u in _FRACTIONS if u != POINTS[1])
 OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
-# How far a rate may be from the straight line, relative to the change of the rate in the part with
-# the hump; and rates that count as 0: relative to their terms, and to their changes by errors of
-# states, relative to the states and in addition to rtol.
+# A hump is narrow if the straight line through two rates misses the rate at a neighbour by STRAIGHT
+# times the difference of the two rates. A rate is 0 up to OF_TERMS times its terms, plus the change
+# of s by relative errors OF_STATES + rtol of the state.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES
 

@@ -25,12 +25,12 @@ from .values import operand_of
 
 # How many numbers `_toward` finds for each surface.
 OF_SURFACE = 5
-_BRANCHES = "select", "max", "min", "fabs", "floor"  # with these s may be 0 all around a state
+_BRANCHES = "select", "max", "min", "fabs", "floor"  # with these, s may be 0 in a neighbourhood
 # Operations that have no value for some operands.
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
-GAP = 0.75  # in the row `side` (`flow.memory`) of a surface without a value
-# Parts of the terms of s: the rounding of s, and its error by the rounding of a state after a step.
+GAP = 0.75  # the number in the row `side` (`flow.memory`) where s has no value
+# Errors of s, relative to its terms: by rounding in s, and by rounding of the state after a step.
 ROUNDING, NOISE = 2.0**-50, 2.0**-47
 # Operations in which `with_parameters` replaces constants, except constants that shorten programs.
 _OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "oge", "select"

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from .function_records import RECORDS
 from .values import Number, larger, smaller
 
-REACH, NARROW = 24.0, 16.0  # steps do not miss pulses with d up to NARROW
+REACH, NARROW = 24.0, 16.0  # no step misses pulses with d up to NARROW
 _NARROWING = {name for name, record in RECORDS.items() if record.narrows}
 _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")
 

@@ -25,11 +25,12 @@ from .values import Number, joined, operand_of
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
-ON = 2.0**-44  # part of the terms of s: a state is on the surface if |s| is not larger
-NEAR = 2.0**-32  # part of the terms of s: surfaces with smaller |s| may be slid along together
-BARELY = 2.0**-24  # part of the rate on the other side of a surface: a smaller rate is rounding
-# The most modes of one f, and the most modes times pairs of modes that change each other's rates.
-# The time to compile grows with this product, which five modes in all pairs or chains of 12 reach.
+ON = 2.0**-44  # a state is on the surface if |s| is at most ON times the terms of s
+NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times the terms of s
+BARELY = 2.0**-24  # ds/dt is rounding below BARELY times ds/dt on the other side of the surface
+# The most modes of one f, and the most modes times pairs (a, b), also a = b, where mode b changes
+# the rate of mode a: 5 modes that change all rates, or 12 that change their own rates alone. The
+# time to compile grows with this product.
 MOST, MOST_PAIRS = 24, 150
 
 
@@ -48,7 +49,7 @@ class _Rates:
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
-        # If f may have no value beyond a surface, as a root, its argument is kept at 0 or more.
+        # If f has operations such as roots, moduli |s| are kept at 0 or more just beyond a surface.
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
         self.size = count + len(touching) + 2 * bool(touching)
         self.values = values = ExtendedState(D, self.size, P)
@@ -159,7 +160,8 @@ class SlidingEquations(_Rates):
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
         if len(pairs) + len(touching) > MOST:
             return
-        # Modes belong to surfaces across which f jumps, and to contacts with a force at others.
+        # A surface has a mode if ds/dt jumps across it. A contact has a mode if its force changes
+        # ds/dt, and if f does not jump at its surface.
         trial = _Rates(f, comparisons, pairs, touching, D, P)
         has_mode = [trial.changes(D + g, D + g) for g in range(len(pairs))]
         pairs = dict(compress(pairs.items(), has_mode))
@@ -199,7 +201,7 @@ class SlidingEquations(_Rates):
         if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
-            # The rate of a body that leaves its rest is rounding, so `holds` decides its side.
+            # ds/dt of a body that leaves its rest is rounding. So `holds` sets its side.
             action = action._replace(most=inf, holds=int(action.direction < 0))
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
@@ -221,7 +223,7 @@ class SlidingEquations(_Rates):
         # Other modes may end with mode g.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [g, *others, g] if others else [g], at=g)
-        # On the surface without errors, which would grow from phase to phase.
+        # A state that begins to slide is moved onto the surface: errors of s would grow with time.
         lands, factor = number(x[place]).equals(0.0) & ~slides, s / self.values.dot(slope, jump)
         for i, a in enumerate(jump):
             if not same(a, 0.0):

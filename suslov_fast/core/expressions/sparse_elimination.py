@@ -17,7 +17,7 @@ import numpy as np
 
 from .symbolic_elimination import bits_of
 
-# Spans with gaps of up to NEAR rows are joined. With 8 lattices of 144 variables gain 10 %.
+# Spans at most NEAR rows apart are joined. With 8, lattices of 144 variables take 0.9 of the time.
 NEAR = 4
 
 

@@ -14,7 +14,7 @@ from .programs import Expressions, emitted, program_of
 from .rounding import sizes_of
 from .values import larger, operand_of, smaller
 
-SOONER = 2.0**-22  # factor of the time to a surface if the distance from the surface is noise
+SOONER = 2.0**-22  # factor of the time to a surface if rounding makes the sign of s uncertain
 
 
 def aim_of(f, surfaces, is_implicit):

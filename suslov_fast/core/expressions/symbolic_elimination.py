@@ -203,7 +203,7 @@ def elimination_order(pattern, D):
     Among equal degrees the next pivot has the shortest chain of pivots that it depends on, because
     processors evaluate independent operations in parallel. `pattern` has places (i, j).
     """
-    neighbours, depth = [0] * D, [0] * D  # sets as bits, and lengths of chains
+    neighbours, depth = [0] * D, [0] * D  # sets as bits; lengths of chains of pivots
     order, left = [], set(range(D))
     for i, j in pattern:
         if i != j:

@@ -28,7 +28,7 @@ BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
-# Columns of results by name: the row of a trajectory that has the value at its end, and the type.
+# {column of results: the row of a trajectory with its value at the end, and the type of the column}
 COLUMNS = {"steps": ("steps", np.dtype(np.int64))}
 
 integrator_of = functools.lru_cache(64)(Integrator)
@@ -45,7 +45,7 @@ class Settings(NamedTuple):
 
 def closer(settings):
     """Return the `Settings` with which trajectories are computed again after an alarm."""
-    part = 16.0 if settings.rtol > 1e-8 else 4.0  # errors grow; a loose rtol has few digits to lose
+    part = 16.0 if settings.rtol > 1e-8 else 4.0  # errors grow; a loose rtol leaves few digits
     return settings._replace(rtol=max(settings.rtol / part, LEAST_RTOL))
 
 
@@ -268,7 +268,7 @@ class BatchSolver:
         if self.begins_lost:
             lost, D = self.lost[block], self.lost.shape[1]
             lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
-            # Columns are RELATIVE where x is RELATIVE.
+            # Derivatives of a component are RELATIVE if it is; else their `lost` begins at 0.
             of_all = np.hstack([lost, *[np.minimum(lost, 0.0)] * self.f.columns])
             found[:, rows.lost : rows.lost + of_all.shape[1]] = of_all
             found[:, rows.watches] = lost.max(axis=1, initial=0.0)
@@ -369,7 +369,7 @@ class StepRunner:
         `equal` is the largest number of events at one time.
         """
         f, arguments, self.records = self.integrator.f, self.arguments, records
-        # Twice, because before the code can pause, a trajectory may begin and take a step.
+        # Twice, because a lane may begin a trajectory and take a step before the code can pause.
         at_once = 2 * most_records(f.events, equal) * self.W
         full = 4 * arguments[SLOT.count] + 512 * self.W
         self.buffer = np.empty((full + at_once, size_of(f)))

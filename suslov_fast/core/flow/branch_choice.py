@@ -27,9 +27,9 @@ from .scalar_kernels import AT_ONCE, scalar_kernel
 _BEFORE = 2  # number of results of `branches` that precede the branches
 
 BACK_AND_FORTH = 12.0  # so many changes of branches in a row at one instant count as sliding
-EARLY = 2.0**-12  # part of the last time: earlier changes of branches count as changes then
-# Parts of the time. If a solution ends just before a surface, the surface is sought within NEAREST,
-# then up to AHEAD. A second such end within AGAIN counts as a change of branches at once.
+EARLY = 2.0**-12  # part of the last time: before it, the length of an instant is constant
+# Parts of t. If a solution ends just before a surface, the surface is sought NEAREST later, then up
+# to AHEAD later. A second such end within AGAIN counts as a change of branches at once.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 

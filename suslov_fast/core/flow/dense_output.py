@@ -24,7 +24,7 @@ from .weights import EXPLICIT, ORDER, weights
 
 # The largest error of the polynomial is OF_DEFECT times its defect at the points v of TESTS. FEW
 # columns give its nodes; one column more is used if the error of FEW columns in the whole step is
-# above OF_FEW allowed errors. A time within the part AT_END of a step from its end is the end.
+# above OF_FEW allowed errors. Times in the first and last part AT_END of a step are not tested.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Weights of FEW columns, and of one more; other columns have the weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
@@ -126,7 +126,7 @@ def _find_nodes(code):
         node = work.nodes.after(2 * k * D)
         for i in text.each(D):
             ends = code.of_columns(work.ends, i)[: FEW + 1]
-            ends[FEW] = needs.select(ends[FEW], 0.0)  # if no lane needs this column, it has no end
+            ends[FEW] = needs.select(ends[FEW], 0.0)  # not computed if no lane needs this column
             node[i] = x[i] + weighted(factors, ends)
         code.call("f", node, code.table, work.f)
         x, f = node, node.after(D)

@@ -24,12 +24,12 @@ from .step_length import AT_FIRST, first_length, sizes_of
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
-LOW = 2.0**-44  # part of the terms of a sum: a smaller sum is rounding
-SOON = 2.0**-20  # part of the time: a rate is slow if the change of s in this time is rounding
+LOW = 2.0**-44  # a sum is rounding if it is below LOW times the moduli of its terms
+SOON = 2.0**-20  # ds/dt is slow if in SOON times the last time s changes by rounding at most
 LEAST = 2.0**-1074  # the least positive number
-MOMENT = 2.0**-16  # part of the last step, over which the change of rates is measured
-STAYS = 0.25  # in place of the side of a state that stays on the surface
-FASTER = 4.0  # growth of the rate of x by an action, above which the next step is shorter
+MOMENT = 2.0**-16  # part of the last step: rates are compared with rates this much later
+STAYS = 0.25  # the number in the row `side` (else 0 or 1) of a state that stays on the surface
+FASTER = 4.0  # the next step is shorter if an action makes f more than FASTER times as large
 
 
 def _level(is_above, value, rounding):
@@ -107,7 +107,7 @@ def CROSSED(
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
     here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
-    # Where `EventAction.holds` is 2, the state is above until s is below the level.
+    # If `EventAction.holds` is 2, the rate alone changes no side: s must also pass the level.
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
@@ -146,7 +146,7 @@ def AGAIN(
     comes_back = is_on & bends & (stays | (turn * rate > 0.0)) & (abs(rate) < abs(rate_before))
     parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
     away = comes_back.select(parabola, gap)
-    of_terms = LOW * (size + rate_size * now)  # a state within rounding of now has these terms
+    of_terms = LOW * (size + rate_size * now)  # rounding errors of s at times near t
     is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
     is_at_once = is_fired & ((away <= AT_ONCE * now) | is_low)
     counts = is_at_once.select(comes_back.select(ACTIONS_AT_ONCE, 1.0), 0.0)
@@ -389,7 +389,7 @@ def _cross(code, k, is_there, by_motion):
         _act(code, k, fires, by_motion)
         if events.components[k]:
             _look_at_end(code)
-            after = _at_surface(code.work.toward, k)  # an action begins on its surface
+            after = _at_surface(code.work.toward, k)  # the state was on this surface
             after["near"] = crossing["near"] + LOW * after["size"]
             after["rate_size"] = after["rate_size"] + abs(numbers["rate"])
             now = code.apply(SIDE, **after)

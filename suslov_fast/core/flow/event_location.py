@@ -34,12 +34,13 @@ PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: parts of t and
 HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
-# The longest step after a step to a surface, relative to that step and to the step that crossed the
-# surface: the next surface may be as near. With 64 the equation x" = -sign(x) to 1e5 takes 9 tries
-# a jump, without it 12; 6,000 random knots take 1 % more time, and 8 % more with 8.
+# The next surface may be as near as this one. So the step after a step to a surface is at most
+# AFTER_THIS times as long, or AFTER_WHOLE times its length without this limit. Without it,
+# x" = -sign(x) to t = 1e5 takes 12 tries a jump, with 64 it takes 9. But 6,000 random knots take
+# 1 % more time with 64, and 8 % with 8.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
 OF_WAVES = 0.9  # length of the next step, as a part of the longest step that waves allow
-BESIDE = 2.0**-12  # part of a step, over which a difference of states gives their rate
+BESIDE = 2.0**-12  # part of a step: the distance of two states whose difference gives dx/du
 ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
 
 
@@ -116,7 +117,7 @@ def CROSSES(
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
     is_crossed = searched.select(larger(crosses, twice), starts) > 0.0
     has_waves = (waves > 1.0) & is_long & ~searched
-    shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error there is of order 4
+    shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error `e` is of order 4
     return {
         "crosses": is_crossed & (taken > 0.0) & (total < inf),
         "is_close": searched & ((taken - inner <= accuracy) | (since <= accuracy)),
@@ -150,7 +151,7 @@ def OUTCOME(
         "holds": holds,  # it does not reach the surface that is sought: a longer step is next
         "again": again,  # it may hide crossings: a shorter step is next
         "refused": refused,  # for one of these reasons
-        "ends": ends,  # the solution ends: f has no value beyond the surface where it began
+        "ends": ends,  # the solution ends where the step began: f has no value beyond s = 0
         "lands": lands,  # a step aside ends on a surface, and moves the state
         "moves": moves,
         "at_surface": (moves & (crosses | arrives)).select(1.0, 0.0),
@@ -259,7 +260,7 @@ def cut(code, before, total):
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
     code.call("surfaces", line.beyond, code.table, pair.after(count))
-    inputs |= _watch(code, "part")  # where a line from this end to the state `beyond` crosses
+    inputs |= _watch(code, "part")  # where a line from this end to `beyond` crosses a surface
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
     inputs |= _watch(code, "whole_part", "crosses", "jumps")  # between both ends of the step
@@ -349,9 +350,9 @@ def _double_crossings(code, inputs):
         points[integrator.at_points + integrator.watched] = code.number("rtol")
         code.call("double_crossings", points, code.table, decision)
         found |= {"hidden": decision[0], "twice": decision[1], "waves": decision[2]}
-        if of.of_clocks:  # a longer step may fit the periods of a clock
+        if of.of_clocks:  # a longer step may hide crossings of surfaces of clocks
             found["known"] = inputs["taken"]
-        if of.of_states:  # differences within the errors of points are no crossings
+        if of.of_states:  # the points have errors, so changes of sign there may be no crossings
             found["starts"] = (decision[1] > 0.0).select(1.0, inputs["crosses"])
     return found
 

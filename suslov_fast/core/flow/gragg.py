@@ -45,7 +45,7 @@ class ExplicitColumns(FunctionCode):
     `table` and `work` are addresses; f is f(x).
     """
 
-    names = "f", "f"  # functions for the rates of what `a` and `b` hold
+    names = "f", "f"  # functions for the rates of the components in `a` and in `b`
 
     def __init__(self, text, integrator, name, for_each):
         super().__init__(text, integrator, name, for_each)

@@ -29,13 +29,13 @@ from ..llvm.text import Carried
 from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
-RELATIVE = -1.0  # in place of `lost`: the component has relative digits
-LATER = 1.001  # the ratio of two times of ends up to which both may be at the same pole
-# Exponents a h of growth in a step. NEXT: in an implicit step, before a step four times as long.
-# LONG: in an explicit step that loses 1e-6 of its growth, (a h / MOST)**10 of exp(a h).
+RELATIVE = -1.0  # the number in the row `lost` of a component with relative digits
+LATER = 1.001  # two ends may be at the same pole if the ratio of their times is at most this
+# The least exponents a h of growth that count. NEXT, in implicit steps: the next step may be four
+# times as long. LONG, in explicit steps: they lose (a h / MOST)**10 = 1e-6 of the growth exp(a h).
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
-# In each of at most ROUNDS rounds components that do not grow keep a part of their values: LESS in
-# the first half, LITTLE_LESS in the second, to stop near values with which all grow.
+# In each of at most ROUNDS rounds, trial values of components that do not grow are multiplied by
+# LESS, in the second half by LITTLE_LESS, to stop near values with which all components grow.
 LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
 # errors is alarming; PART of it is a reason to look at f. A component is small below SMALL of
@@ -44,7 +44,7 @@ LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # equation (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
 MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
 SOME, OF_IMPLICIT = 1.6e-3, 0.125  # factors of the least error that costs digits, see `some_of`
-DEEP = 5e-4  # or 100 rtol: relative error above which a component of one sign has no digits
+DEEP = 5e-4  # with a relative error above this, or 100 rtol, a component of one sign has no digits
 UNDERFLOW = 2.0**-990
 
 
@@ -129,7 +129,7 @@ def FED(new, f_new, fed, signed, lost, changes, left):
     becomes the largest `lost` that remains.
     """
     stays = _rate(new, f_new - fed, signed) > NEXT * abs(new)
-    stays = stays & (abs(f_new) < abs(fed))  # at an unstable equilibrium
+    stays = stays & (abs(f_new) < abs(fed))  # true at an unstable equilibrium
     is_fed = (abs(fed) > 0.5 * abs(f_new)) & (abs(fed) < inf) & (lost > 0.0) & ~stays
     lost = is_fed.select(0.0, lost)
     return {"lost": lost, "changes": is_fed.select(1.0, changes), "left": larger(lost, left)}

@@ -30,7 +30,7 @@ _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
 _ALL, _WITHOUT = 3, 4  # numbers of the tries in which all, and no, components have relative digits
-OF_ANOTHER = -128  # in place of a status: the memory belongs to another system
+OF_ANOTHER = -128  # returned as a status if the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
 _kept = {}  # codes by their addresses: a code in this dictionary stays in memory
@@ -43,7 +43,7 @@ class Plan(NamedTuple):
     first_again: int  # address of the code with which a motion begins again after an alarm
     implicit_again: int  # address of the code of the implicit integrator after an alarm
     of_table: int  # address of the code of `code_of_program`, 0 if the table has all parameters
-    is_bounded: int  # 1 if steps are at most a part of the time
+    is_bounded: int  # 1 if steps are at most 1/32 of the time
     by_starts: int  # number of columns with respect to x0, which come first: D or 0
     columns: int  # number of columns of derivatives
     D: int  # number of components of x
@@ -55,9 +55,9 @@ class Plan(NamedTuple):
     template: int  # content of the memory from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
     ended: int  # the time at which the motion ended, then the unit of columns with respect to x0
-    state: int  # the state at the time
+    state: int  # the state after the given time
     numbers: int  # `SharedNumbers`
-    times: int  # the time, and two infinite ones
+    times: int  # the given time, and two infinite times
     rows: int  # rows of the trajectory, see `memory`
     inputs: int  # all parameters of f
     table: int  # the table of f, which follows the parameters
@@ -87,7 +87,7 @@ class MotionSystem(NamedTuple):
     address: int  # address of the code of the integrator with which a motion begins
     plan: Any  # `Plan`, as an array
     constants: Any
-    parameters: Any  # (n,), the first of the parameters of f
+    parameters: Any  # (n,), the first n parameters of f
     time: float
     dimension: int  # number of components of x and of its columns
 
@@ -158,7 +158,7 @@ def _begin(system, x0, memory, tries):
     """Fill `memory` for a motion that begins, or that begins again after an alarm (`tries` > 0)."""
     plan, constants, time = system.plan, system.constants, abs(system.time)
     x, D, size = memory[plan[PLAN.rows] :], plan[PLAN.D], 0.0
-    relative = memory[plan[PLAN.state] :]  # the row `lost` of the motion, which `x` begins again
+    relative = memory[plan[PLAN.state] :]  # a copy: the row `lost` is overwritten below
     for i in range(D):
         is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
         relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
@@ -244,7 +244,7 @@ def motion_of_one(system, x0, out, memory):
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
-        # The motion is computed again, as in `integration`; without relative digits if it ended.
+        # Compute the motion again, as in `integration`; without relative digits if it ended early.
         tries, end, before = _WITHOUT if has_ended else tries + 1, x[plan[PLAN.t]], state
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:

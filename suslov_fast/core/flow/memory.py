@@ -98,22 +98,22 @@ def rows_of_work(integrator):
         a=D,  # a state of a column; after the last column its y_N
         b=extended,  # a second state of a column, or f at the state in `a`
         f_last=extended,  # f at y_N of the last column
-        ends=of_ends,  # y_c - x at the ends of columns
+        ends=of_ends,  # y_c - x, with the ends y_c of columns
         # Sums that show false steps: one for each explicit column, or one for all implicit columns.
         apart=D if is_implicit else of_ends,
         # States after the first three quarters of an explicit step, with f. In an implicit step:
         # the states minus x, then the sums over columns that become these states.
         nodes=6 * D,
-        beside=6 * extended,  # f at a point of the step, the point, and changes of f beside it
+        beside=6 * extended,  # f at a point of the step, the point, and changes of f near it
         new=D,  # the next state
         f_new=extended,  # f at the next state, then denominators that may not change sign
         error=D,  # the estimated error of the step
         inverse=D,  # 1 / allowed error
-        jacobian=f.entries + 1 if is_implicit else 0,  # entries of f', and s
+        jacobian=f.entries + 1 if is_implicit else 0,  # entries of f', then s = h / N
         factors=integrator.factors,  # factors of 1 - s f'
-        right=D,  # right side of equations with `factors`; `solve` reads it behind them
+        right=D,  # right side of equations, which `solve` reads after `factors`
         of_end=integrator.factors,  # factors of 1 - s f' with f' at the end of a step
-        at_end=D if is_implicit else 0,  # right side of equations with `of_end`, behind them
+        at_end=D if is_implicit else 0,  # right side, which `solve` reads after `of_end`
         taken=1,  # length of this step
         signed=1,  # length of this step, with the sign of time
         aside=1,  # 1 where this step is a step aside, see `step_length`
@@ -127,7 +127,7 @@ def rows_of_work(integrator):
         # Values of surfaces at the start and at POINTS, then inputs of `double_crossings`.
         points=integrator.at_points + watched + 1,
         point=watched,  # the state at one of the POINTS
-        quartic=of_x.D if watched else 0,  # factors of degree 4 in states inside a step (`QUARTIC`)
+        quartic=of_x.D if watched else 0,  # coefficients of degree 4 inside a step (`QUARTIC`)
         moving=2 * watched + 1,  # inputs of `rates`: state at a point, its change in a step, rtol
         decision=3,  # results of `DoubleCrossings.decision`
         end=2 * (watched + surfaces),  # inputs of `aim`: the next state, f there, sides of events
@@ -135,7 +135,7 @@ def rows_of_work(integrator):
         between=2 * integrator.surfaces,  # inputs of `watch`: values of surfaces at two points
         sides=2 * surfaces,  # a copy of the row `side`, which `watch` reads behind `between`
         crossings=len(f.watch.results) if watched else 0,  # results of `watch`
-        changed=acts * D,  # what functions of events return
+        changed=acts * D,  # results of functions of events
         before=acts * D,  # the state before an action
         f_before=acts * D,  # f before an action
         pair=acts * (4 * of_x.D + 1),  # inputs of functions of events: states, rates, and `tau`
@@ -151,7 +151,7 @@ def rows_of_work(integrator):
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of a surface
-        tau=acts * D // of_x.D,  # how much earlier displaced solutions reach this instant
+        tau=acts * D // of_x.D,  # for each column: how much earlier a displaced solution is here
         lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
         scratch=max(each.scratch for each in integrator.functions.values())
         * (4 if f.products else 1),

@@ -26,15 +26,15 @@ from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
 BESIDE_SIZE = 2.0**-48  # half of it is the largest relative displacement of a state
 # f is evaluated beside points ALONG a step, in directions that are multiples BESIDES of
 # `ComponentNumbers.seeds`. There are many directions, because changes in one may cancel by chance,
-# as for a symmetric state. Every other state is also MOVED by what the last change of f adds up to
-# in the step: the noise of a force reaches positions. ENDS is 1 at the ends of the step, which come
-# first: if the error cannot be noise, the ends and the first direction suffice.
+# as for a symmetric state. Every other state is also MOVED by h times the last change of f: so the
+# noise of a force reaches positions. ENDS is 1 at the ends of the step, which come first: if the
+# error cannot be noise, the ends and the first direction suffice.
 BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# Factors of changes of f: GROWS at the ends, by `is_implicit`, OF_NOISE at all points. The weights
-# of columns make noise of f larger, implicit ones 16 times as much as explicit ones.
+# Allowed errors per change of h f: GROWS[is_implicit] at the ends, OF_NOISE at all points. The
+# weights of columns make noise of f larger, implicit ones 16 times as much as explicit ones.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
 SHORTENS = 0.05  # a `ratio` above this number makes the next step shorter
 TINY_STEP = 2.0**-40  # part of the time: a step up to this length is short

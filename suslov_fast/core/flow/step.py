@@ -83,7 +83,7 @@ def _find_columns(code):
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
-    if integrator.is_implicit and integrator.read:  # sums at quarters are overwritten
+    if integrator.is_implicit and integrator.read:  # finished sums: states at quarters, minus x
         code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
     return rate
 
@@ -121,7 +121,7 @@ def _accept(code, errors, t):
         found["state"] = is_before.select(line.state[0], found["state"])
     code.keep(line, found)
     if not code.integrator.is_implicit:
-        # An explicit step aside needs f at its end. Without f longer steps pass its time: `LENGTH`.
+        # If f has no value at the end of an explicit step aside, a longer step passes this time.
         misses = (work.taken[0] * work.aside[0] > 0.0) & ~(errors["total"] < inf)
         with code.text.when(misses.any(), likely=False):
             line.second.choose(misses, 0, line.next[0])

@@ -32,7 +32,7 @@ from .weights import ORDER
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
-REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
+REACH = 0.92  # a step of at least REACH times the time that is left reaches the last time
 SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
 # MOST_APART allowed errors bound the sum that shows false steps: 30 would refuse some true steps,
 # and 100 accept more false steps. OF_APART is the factor of the length after such a refusal.

@@ -17,9 +17,9 @@ from .codegen import larger_of, weighted
 from .growing_components import alert
 from .scalar_kernels import TINY, scalar_kernel
 
-# OF_CLOCK: a drive that begins at rest is a difference of numbers near 1, and at first noise.
+# Errors up to OF_CLOCK times the change of clocks are allowed: 1 - cos(t) is rounding at first.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
-# An error may be noise if it is less than NOISY of the largest component.
+# An error may be noise if it is less than NOISY times the largest component.
 NOISY = 2.0**-48
 CAUTION = 4.0  # factor of the error estimate of `stormer`
 # Inputs that are TINY for a component with relative digits.

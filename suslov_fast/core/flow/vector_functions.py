@@ -17,8 +17,8 @@ from ..llvm.text import Carried, Index, Shared
 
 INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
 BLOCK = 64  # operations of a block of straight-line code
-# The most operations of straight-line code: each takes 20 us to compile, 80 with optimization.
-# Steps take 2 to 4 times as long with runs, or with loops over banded matrices.
+# The most operations of an elimination in straight-line code: LLVM takes 20 us for each, 80 with
+# optimization. Longer eliminations are loops over arrays: steps take 2 to 4 times as long.
 LONGEST = 20_000
 
 

@@ -22,7 +22,7 @@ ORDER = 2 * len(EXPLICIT)
 
 def weights(columns, p):
     """Return weights w_c of columns with N_c in `columns`, for errors in powers of (h / N)**p."""
-    return [  # each is rounded once
+    return [  # integers are exact, so each weight is rounded once
         n ** (p * (len(columns) - 1)) / prod(n**p - m**p for m in columns if m != n)
         for n in columns
     ]

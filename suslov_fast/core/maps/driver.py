@@ -13,7 +13,7 @@ from ..numba.status_codes import CHANGED, NONFINITE
 from .stage_code import Stage, loader
 
 WIDTH = 8  # lanes of a line
-NOT_READY, DONE = range(2)  # what the code returns
+NOT_READY, DONE = range(2)  # results of the code
 
 
 class DriverArguments(NamedTuple):
@@ -161,7 +161,7 @@ class _Driver:
         after = [accurate.select(*both) for both in zip(after, x, strict=True)]
         for k, value in enumerate(after):
             rows[k] = value
-        # Lanes that `pivoting_step` takes, and lanes from det A < 0 or with a changed sign.
+        # `bad` are lanes that need pivoting, `signs` good lanes with det A < 0 or a changed sign.
         bad = self.others(good, line, self.of.ended)
         signs = signs & (good & self.others(0, line, self.of.passed)) * (1 | 1 << CHANGED)
 

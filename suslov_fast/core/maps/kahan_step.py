@@ -50,7 +50,7 @@ SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
 # The most products of parameters alone, which NumPy computes once for each step size.
 LONGEST_ONCE = 400_000
 # Programs with columns have at most MOST_COLUMNS components. The number of components times that of
-# products in an elimination is at most MOST_WORK. NumPy takes larger ones: LLVM would need seconds.
+# products in an elimination is at most MOST_WORK. NumPy computes larger ones: LLVM takes seconds.
 MOST_COLUMNS, MOST_WORK = 16, 4000
 
 
@@ -92,7 +92,7 @@ class Step:
     of_one_sign   components that keep their signs along the motion
     """
 
-    good = accurate = negative = changed = factors = None  # without a plan
+    good = accurate = negative = changed = factors = None  # None without a plan
     of = None  # the function of a map; None for a field
 
     def __init__(self, indices, D):
@@ -109,7 +109,7 @@ class Step:
 
     def _begin(self, indices, D):
         self.indices, self.T = indices, indices.shape[1]
-        self.D = self.state_D = D  # components, and components of x without columns
+        self.D = self.state_D = D  # numbers of components: with columns, and of x alone
         self.of_one_sign = of_one_sign(indices)
         self.values = Values(D + self.T, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
@@ -172,7 +172,7 @@ class Step:
             beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
             excess = joined("fadd", [larger(0.0, each) for each in beyond])  # NaN stays NaN
             common.append(excess < np.inf)
-            if len(increments) == self.D:  # or a component equals its limit, as 0 that stays
+            if len(increments) == self.D:  # a component that stays 0 equals its limit
                 at_limit = [sizes[k].equals(limits[k]) for k in increments]
                 common.append(joined("or", [excess > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()

@@ -33,7 +33,7 @@ from .stages import WHOLE, Scheme
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 PIVOTING_TIME = 5 * 10**7  # nanoseconds of `pivoting_step` steps, after which Python handles Ctrl-C
-_IN_PYTHON = 1e-5  # seconds in Python for an operation of a line, or a part of a step with pivoting
+_IN_PYTHON = 1e-5  # seconds in Python for an operation of a line, or D**-2 of a step with pivoting
 SHORT_RUN = 256  # steps of lines: shorter runs prepare `pivoting_step` only when lanes need it
 
 
@@ -162,7 +162,7 @@ class FieldSteps(Kernel):
         self.py_func = _iterate_part
 
     def __call__(self, part, parts, *arguments, abandoned=()):
-        with np.errstate(all="ignore"):  # each thread has its own
+        with np.errstate(all="ignore"):  # each thread has its own error state
             _iterate_part(part, parts, *arguments, abandoned)
 
     def serial(self, arguments, *others):
@@ -226,7 +226,7 @@ def _take_steps(lines, states, span, saved, abandoned):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         lines.start_from(states)
-        lines.take(*arguments, seconds=_IN_PYTHON * work)  # only now, because few runs need it
+        lines.take(*arguments, seconds=_IN_PYTHON * work)  # few runs need pivoting
 
 
 field_steps = FieldSteps()

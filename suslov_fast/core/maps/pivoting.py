@@ -125,7 +125,7 @@ class LineArguments(NamedTuple):
     of_set: int  # W, or 1
     stages: int
     B: int
-    state_D: int  # components of x without columns
+    state_D: int  # number of components of x, without columns
     first: int  # number of the state before the first step
 
 

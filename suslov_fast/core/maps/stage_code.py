@@ -7,7 +7,7 @@ values of `evaluate` in NumPy. `driver` and `text_of_stage`, for loops of users,
 from ..llvm.text import Code, Shared, Truth, Value
 from ..numba.status_codes import CHANGED
 
-BLOCK = 64  # operations of a block of long programs: LLVM's time is quadratic in a block
+BLOCK = 64  # operations of a basic block in a long program: LLVM's time is quadratic in its length
 
 
 class Stage:

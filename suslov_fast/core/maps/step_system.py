@@ -59,7 +59,7 @@ def steps_of_one(arguments, x, count=1, every=0, saved=None):
     return x if code.call(at) == DONE else None
 
 
-_SHORT = 10**6  # operations of steps, after which Python handles Ctrl-C
+_SHORT = 10**6  # the most operations of steps in one call, because Ctrl-C waits for its end
 
 
 @with_address
@@ -67,7 +67,7 @@ class FieldSystem(NamedTuple):
     """A field and a step size, or a map, for compiled loops; unpickling makes its code again."""
 
     address: int  # address of the code of `stage_code.text_of_stage`, 0 if there is none
-    half: Any  # (stages, T), half of the step size times the values of the terms; of a map (1, 0)
+    half: Any  # (stages, T), eps / 2 of each stage times the values of terms; (1, 0) for a map
     table: Any  # (stages, n), see `Step.table`
     indices: Any  # (3, T)
     dimension: int
@@ -84,7 +84,7 @@ def system_of(indices, half, D):
     """Return a field and a step size, for compiled loops; `half` (stages, T) is v eps_stage / 2."""
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
-    # The code lasts, because users may store the system anywhere.
+    # The code is never freed, because users may store the system, with its address, anywhere.
     address = code_of(text_of_stage, step, lasts=True) if step.usual else None
     return FieldSystem(int(address or 0), half, table, step.indices, D, False)
 

@@ -7,7 +7,7 @@ code that Numba writes for an array, and so of the time of a first call.
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils  # the module of Numba's own guide to extensions
+from numba.core import cgutils  # imported as in Numba's own guide to extensions
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 from .intrinsics import LINE, emit_call

@@ -63,7 +63,7 @@ def _files_of(py_function):
                 # Two processes that write at once may exchange the code of two signatures.
                 return code if code and tuple(code.signature.args) == tuple(signature) else None
             with suppress(OSError):
-                self.flush()  # empties the index, which `save_overload` would read
+                self.flush()  # empties the index, which may be damaged: `save_overload` reads it
             return None
 
         def save_overload(self, signature, data):

@@ -116,9 +116,9 @@ def advice_on_numba():
 
 
 # ------------------------------------------------------------------------- before it is compiled
-# Seconds of calls without compiled code, after which compiling it is worth its time.
+# Small calls are interpreted until they have taken so many seconds; then compiling pays off.
 WARM_UP = 1.0
-# Seconds for a number of a step in NumPy. A call costs as much as _CALL_IN_NUMPY trajectories.
+# NumPy's seconds per component and step. Its calls cost as much as _CALL_IN_NUMPY trajectories.
 _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 
@@ -384,7 +384,7 @@ def _address(dispatcher, kinds):
 
 
 # ------------------------------------------------------------------------------------- in kernels
-# Typed, because Numba compiles a function for each literal, and types one twice if a sum begins so.
+# Typed, because Numba compiles functions again for a literal 0, and infers types of sums twice.
 ZERO = np.int64(0)
 
 

@@ -21,8 +21,8 @@ from .status_codes import NONFINITE, OK, SINGULAR
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
 # and 1.0 for lanes that need `solve`, else 0.0.
 LEAST, LARGEST, TO_SOLVE = range(3)
-ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
-ROUNDS = 20  # the most rounds of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
+ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 below m times this times its terms' moduli
+ROUNDS = 20  # the most rounds of `balance`; 6 full equations with units 2**120 apart took 4 or 5
 
 
 # Sums with 0 avoid masked stores, which are slow.
@@ -122,7 +122,8 @@ def solve(a, units):
             weights[k], weights[pivot] = weights[pivot], weights[k]
             for j in range(columns):  # the sign keeps the determinant
                 a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
-        terms = weights[k] + abs(a[k, k])  # the scaled 1 of the identity, the pivot, and products
+        # The size of the pivot's terms: the scaled 1 of the identity, the pivot itself, products.
+        terms = weights[k] + abs(a[k, k])
         for j in range(k):
             terms += abs(a[k, j] * a[j, k])
         if abs(a[k, k]) <= m * ZERO_TO_ROUNDING * terms:

@@ -18,7 +18,7 @@ from numba.extending import (
     typeof_impl,
 )
 
-LINE = 8  # numbers of a cache line
+LINE = 8  # doubles in a cache line
 _NUMBER, _VECTOR = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LINE)
 
 

@@ -59,18 +59,18 @@ from .steps import LANES, NO
 # TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all numbers that
 # vanish with it keep their ratios, and state 1 and the decay to the steady state are right.
 TINY = 2.0**-100
-CRITICAL = 2.0**-90  # r is 0 or negative if it is below this, and has no real powers
+CRITICAL = 2.0**-90  # a smaller r may be 0 or negative: r**n is then real for integers n only
 NO_SQUARE = 1e-300  # replaces a smaller |A**2 - k**2|, so that sin(n a) / root is n e
 PARITY_KNOWN = 2.0**53  # larger numbers are all even
 FAINT = 1e-140  # ell / nu below this, next to a steady state, has a subnormal square
 VANISHES = -350.0  # exp(t) is 0 if t is below this, because its square would be subnormal
-ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no unit
+ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no `unit_of`
 
 # Rows of a block. States, momenta and inverse times are in the unit UNIT.
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)  # the body, eps and state 0
 B1, B2, C1, C2, D12, D22 = range(8, 14)  # coefficients for n >= 0, if eps > 0
-BACK = 6  # from these rows to the coefficients for n < 0
-PASSES, ROOT = 20, 21  # 1 for an orbit that passes, else 0; sqrt(|A**2 - k**2|)
+BACK = 6  # rows from each of these coefficients to the one for n < 0
+PASSES, ROOT = 20, 21  # 1 for an orbit of the kind "passes", else 0; sqrt(|A**2 - k**2|)
 R, RATE = 22, 23  # r if the orbit passes; the result of `rate`
 MISSING = 24  # the sign of those n for which the state is unknown
 TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(25, 31)
@@ -78,7 +78,7 @@ E_, ROOT_A, G1, G2 = range(31, 35)  # e > 0, sqrt(I1 I2), I13 / I1 and I23 / I2
 H1, H2, PER_G = range(35, 38)  # I13 / ROOT_A, I23 / ROOT_A and 1 / |g|**2
 TURN1, TURN2 = range(38, 40)  # ROOT_A / I1 and ROOT_A / I2
 ROWS = 40
-STATE, BODY = np.int64(OUT1), np.int64(I1_)  # typed, as ZERO
+STATE, BODY = np.int64(OUT1), np.int64(I1_)  # typed, see `decorators.ZERO`
 new_block = block_of(ROWS, int(LANES))
 
 
@@ -188,7 +188,7 @@ def fill_orbit(b, l, is_map):
     total = root + abs(nu)
     by_x = ell * (ell * (one_minus_Y * one_plus_Y)) * inverse
     by_k = k * (ell * (2.0 + K * X)) * inverse
-    # Next to |k| = A the terms of the identity cancel, and root - |nu| is exact.
+    # Next to |k| = A the terms by_x and by_k cancel, and root - |nu| is exact.
     cancel = abs(by_x) + abs(by_k) > total * total
     difference = select(cancel, root - abs(nu), (by_x - by_k) / total)
     middle = root * root + k * ell
@@ -300,7 +300,7 @@ def reason(b, l):
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
         return 0
     if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:
-        return 2  # from 0 / 0
+        return 2  # the state would be 0 / 0
     total = b[ROOT, l] + b[RHO, l]
     for row in range(B1, D22 + BACK + 1):
         total += b[row, l]
@@ -387,7 +387,7 @@ def states(part, parts, parameters, omega0, is_map, n, out, reasons):
     rows = (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
     common = are_common(parameters)
-    started, filled = ZERO - 1, NO  # the block of the orbits, and whether bodies are filled
+    started, filled = ZERO - 1, NO  # the block in `b`; True if its bodies suit the next one
     for task in range(begin, end):
         block = task // rows
         row = task % rows * abreast

@@ -51,7 +51,7 @@ EPS, NEAR = range(OF_I + 1, OF_I + 3)  # eps, and a bound of h p below which no 
 ROW_W, ROW_I, OTHERS = range(NEAR + 1, NEAR + 4)  # 2 h I_i / J_i, h w_i / J_i and p - I_i w_i
 DET = OTHERS + 1  # a number with the sign of det A
 ROWS = DET + 1
-LANES = 64  # so many lanes that a sum over components does not wait for the store of the last sum
+LANES = 64  # so many that adding a component does not wait until the last sum is stored
 # A step in O(n) keeps its digits if |d_i| / J_i > FAR_FROM_0, the determinant of the two equations
 # is above LEAST_DET times the sum of the moduli of its terms, and w.w_next > LEAST_COSINE |w|**2.
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
@@ -182,8 +182,8 @@ def eliminate_one(c, b, l, memory):
     m = len(units[0])
     fill_systems(c, b, a, l, 1)
     system = a.reshape(m, m + 1)
-    status = solve(system, units)  # equation (16)
-    b[OF_W, l], b[OF_I, l] = 0.0, 0.0  # no increments
+    status = solve(system, units)  # A(w) w_next = w
+    b[OF_W, l], b[OF_I, l] = 0.0, 0.0  # so that `add_increments` adds 0
     b[DET, l] = 1.0
     for i in range(m):
         c[W, i, l] = system[i, m]
@@ -244,7 +244,7 @@ def gauss_step_of_one(system, state, out, memory):
 @inlined
 def step_one(system, state, out, memory, by_elimination):
     """Do what `nd_step_of_one` does, by elimination unless `by_elimination` is None."""
-    # None, because Numba removes branches that depend on it.
+    # None in place of False, because Numba removes branches that None decides.
     c, b, a, for_solve, notes = memory
     _, status, _ = notes
     status[0] = OK

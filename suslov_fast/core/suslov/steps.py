@@ -28,10 +28,10 @@ from .map_3d import (
     project_on_level,
 )
 
-ONE, LANES, NO = np.int64(1), np.int64(128), np.bool_(False)  # typed, as ZERO
+ONE, LANES, NO = np.int64(1), np.int64(128), np.bool_(False)  # typed, see `decorators.ZERO`
 FEW = 6  # up to so many trajectories take less time one by one than all lanes of a block
-# Plain steps, of which only the last one sets a decayed X to 0. A test at each step would take a
-# fifth longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
+# Plain steps between two tests that set a decayed X to 0. A test at each step would take a fifth
+# longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
 DECAYING = np.int64(16)
 PROJECTED = 512  # steps after which a general state is projected on the level of R
 GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state
@@ -48,7 +48,7 @@ FRAME = 11  # the first of the seven rows of the `Frame`
 I1_, I2_, I13_, I23_, K_, EPS_ = range(18, 24)
 TOO_LONG = 24  # 1.0 if state 0 is supercritical
 ROWS = 25
-STATE, BODY = np.int64(W1), np.int64(I1_)  # typed, as ZERO
+STATE, BODY = np.int64(W1), np.int64(I1_)  # typed, see `decorators.ZERO`
 new_block = block_of(ROWS, int(LANES))
 
 

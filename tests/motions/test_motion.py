@@ -12,7 +12,7 @@ from scipy.special import exp1
 from systems import FLOWS, FRICTION, HENON_HEILES, LORENZ, by_taylor
 
 import suslov_fast as sf
-from suslov_fast import Field, IntegrationWarning, Status, flow
+from suslov_fast import Event, Field, IntegrationWarning, Status, flow
 from suslov_fast.core.flow import batch_solver
 
 SQUARES = Field(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
@@ -138,6 +138,23 @@ def test_many_times_do_not_shorten_steps(rng):
     assert many.steps == few.steps
     exact = flow(HENON_HEILES, x, time=times, rtol=1e-13)
     assert abs(many.states - exact.states).max() < 1e-7
+
+
+def test_a_time_just_after_the_start_of_a_step_does_not_change_states_inside_it():
+    field = Field(
+        lambda x: (
+            x[1] + np.exp(-((19 * (x[2] - 2.2)) ** 2)),
+            -19 * np.sin(x[0]) / (1 + x[1] ** 2),
+            1,
+        ),
+        "x y t",
+    )
+    starts, times = [0.5, 1.0, 1.5, 2.0, 2.5], np.linspace(0.0, 4.0, 200)
+    options = {"rtol": 1e-8, "events": Event(times=starts, to=lambda x: (x[0], x[1] + 0.1, x[2]))}
+    run = flow(field, [1.0, 0.3, 0.0], time=times, **options)
+    with_others = np.sort(np.concatenate([times, np.add(starts, 1e-12)]))
+    other = flow(field, [1.0, 0.3, 0.0], time=with_others, **options)
+    np.testing.assert_array_equal(other.states[np.searchsorted(with_others, times)], run.states)
 
 
 def test_empty_and_trivial_calls():

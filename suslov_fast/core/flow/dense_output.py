@@ -24,7 +24,7 @@ from .weights import EXPLICIT, ORDER, weights
 
 # The largest error of the polynomial is OF_DEFECT times its defect at the points v of TESTS. FEW
 # columns give its nodes; one column more is used if the error of FEW columns in the whole step is
-# above OF_FEW allowed errors. Times in the first and last part AT_END of a step are not tested.
+# above OF_FEW allowed errors. At times in the first or last part AT_END of a step p is accurate.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Weights of FEW columns, and of one more; other columns have the weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
@@ -56,13 +56,26 @@ def WITH_SIGN(value, x, keeps):
 
 
 def save_between(code):
-    """Save states at times within a step, by interpolation."""
+    """Save states at times within a step, by interpolation; reject the step if it fails."""
     _find_nodes(code)
-    for now in code.text.rounds(Carried()):
-        quarters = 4.0 * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
-        _put_between(code, weights_at(quarters))
-        save(code, _passed(code, Value.__gt__).bits(), code.work.start)
-        now.goes_on = _passed(code, Value.__gt__).any()
+    _save_up_to(code, AT_END)
+    _test(code)
+    _save_up_to(code, 1.0)
+
+
+def _save_up_to(code, part):
+    """Save states at the requested times in the first `part` of a step."""
+    line, work = code.line, code.work
+
+    def is_due():
+        return _passed(code, Value.__gt__) & (line.next[0] - work.t[0] <= part * work.taken[0])
+
+    with code.text.when(is_due().any()):
+        for now in code.text.rounds(Carried()):
+            quarters = 4.0 * ((line.next[0] - work.t[0]) / work.taken[0])
+            _put_between(code, weights_at(quarters))
+            save(code, is_due().bits(), work.start)
+            now.goes_on = is_due().any()
 
 
 def save_states(code):
@@ -105,7 +118,7 @@ def _reached(code):
 
 
 def _find_nodes(code):
-    """Write states and f after quarters of a step to `nodes`; reject it if interpolation fails."""
+    """Write states and f after quarters of a step to `nodes`."""
     text, line, work, D = code.text, code.line, code.work, code.D
     quarter = 0.25 * (code.number("sign") * work.taken[0])
     work.signed[0] = _passed(code, Value.__gt__).select(quarter, 0.0)
@@ -131,6 +144,11 @@ def _find_nodes(code):
         code.call("f", node, code.table, work.f)
         x, f = node, node.after(D)
         text.copy(work.f, f, D)
+
+
+def _test(code):
+    """Reject the step if interpolation fails, unless the next time is nearly at its end."""
+    text, line, work, D = code.text, code.line, code.work, code.D
     sums = Carried(ratio=0.0, total=0.0)
     for v in TESTS:
         both = weights_at(complex(v, 2.0**-60))  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
@@ -141,8 +159,8 @@ def _find_nodes(code):
             defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f[i])
             sums.ratio = larger_of(OF_DEFECT * defect * work.inverse[i], sums.ratio)
             sums.total = sums.total + abs(work.f[i])
-    length, least = line.next[0] - work.t[0], AT_END * work.taken[0]
-    is_inside = (abs(work.signed[0]) > 0.0) & (length > least) & (work.taken[0] - length > least)
+    length = line.next[0] - work.t[0]
+    is_inside = _passed(code, Value.__gt__) & (work.taken[0] - length > AT_END * work.taken[0])
     fails = is_inside & ~((sums.ratio <= 1.0) & (sums.total < inf))
     with text.when(fails.any(), likely=False):
         state = line.state[0]

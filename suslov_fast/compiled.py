@@ -110,7 +110,7 @@ def system(
     array([ 0.09633 ,  0.914132, -0.609721])
     """
     instance("body", body, Body)
-    given = Settings(rtol, atol, max_step, stiff)
+    given = Settings(rtol=rtol, atol=atol, max_step=max_step, stiff=stiff)
     both = (0.0, 0) if time is None else (eps, None)
     others = {"method": method, **given._asdict(), "events": events, "derivatives": derivatives}
     if motion_arguments.either_map_or_motion("system", *both, time, **others):

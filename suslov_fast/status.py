@@ -20,8 +20,8 @@ class Status(IntEnum):
     - `NONFINITE` (negative): the next state of an orbit is beyond the range of float64, or the
       right-hand side of a :class:`Motion` has no value at x0.
     - `SUPERCRITICAL`, `PASSED_POLE` (positive): the orbit need not follow the continuous motion.
-      `SUPERCRITICAL` is for bodies in three dimensions with a :meth:`Suslov3D.criticality` of 1 or
-      more, `PASSED_POLE` for other systems, see :class:`IntegrationWarning`.
+      `SUPERCRITICAL` is for bodies in three dimensions with a :meth:`Suslov3D.criticality` t with
+      ``|t| >= 1``, `PASSED_POLE` for other systems, see :class:`IntegrationWarning`.
     - `ENDED`, `SLIDING`, `ACCUMULATES`, `TOO_MANY_STEPS` (negative): a :class:`Motion` stops before
       the last time.
     - `STOPPED` (positive): an event ended a :class:`Motion`.
@@ -62,7 +62,7 @@ class Status(IntEnum):
 _MESSAGES = {
     Status.OK: "finished",
     Status.SUPERCRITICAL: (
-        "finished, but t >= 1: the orbit does not follow the continuous motion; "
+        "finished, but |t| >= 1: the orbit does not follow the continuous motion; "
         "to follow it choose a smaller eps"
     ),
     Status.PASSED_POLE: (

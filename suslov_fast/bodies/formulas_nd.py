@@ -140,8 +140,8 @@ def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
 def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
-    It is for bodies that `reduction` describes by two coordinates, with J = (a, b) and I = (c, d).
-    The body in three dimensions has I1 = a, I2 = b, I13 = -d and I23 = c.
+    It is for bodies that `reduction` describes by two coordinates, with J = (a, b) and I = (c, d),
+    or whose states are all steady. The body has I1 = a, I2 = b, I13 = -d and I23 = c.
     """
     parts, omega = problem.body._reduction, problem.omega
     J, I = parts.parameters(2)

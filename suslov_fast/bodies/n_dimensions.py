@@ -162,7 +162,8 @@ class SuslovND(Suslov):
         from_reduced : callable
             ``from_reduced(x, omega)`` returns the states (..., n - 1) with the coordinates x
             (..., k). Their remainders have the directions of the remainders of omega, for example
-            of the first state of an orbit. A state is NaN if a remainder of omega is 0, and r not.
+            of the first state of an orbit. A remainder of two or more components that is 0 in
+            omega has no direction: there the state is NaN, unless r is 0.
 
         Notes
         -----

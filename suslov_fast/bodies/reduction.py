@@ -67,7 +67,7 @@ class Reduction:
         return J, self._chosen(self.length, 0.0, size)
 
     def further(self, size: int) -> FloatArray:
-        """Return by how much the dimension of E0 exceeds 1, for each r; 0 for each u."""
+        """Return the dimension of E0 minus 1 for each coordinate r, and 0 for each u."""
         return self._chosen(0.0, self.rest - 1.0, size)
 
     def _directions(self, omega: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -88,8 +88,8 @@ class Reduction:
         """Return the states (..., m) that have the coordinates `states` (..., size).
 
         In each subspace E0, of vectors orthogonal to I in an eigenspace of J, a state has the
-        direction that omega has there, and the length r. If omega has no direction there, because
-        its part is 0, the state is NaN, unless r is 0.
+        direction that omega has there, and the length r. If the part of omega in an E0 of two or
+        more dimensions is 0, but r is not, components in this eigenspace are NaN.
         """
         _, r, direction = self._directions(omega)
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))

@@ -18,10 +18,10 @@ from .exact_numbers import text_of
 
 
 class Terms(NamedTuple):
-    """Terms v x_j x_k in the order in which kernels add them: by indices.
+    """Terms of a field or a Hamiltonian in the order in which kernels add them: by indices.
 
-    Linear and constant terms come last; there x_k, or both factors, are the constant 1. No two
-    terms have the same indices, and no term is 0 for all members of a family.
+    Terms of lower degree, in which x_k is the constant 1 (k = D), come last. No two terms have the
+    same indices, and no term is 0 for all members of a family.
     """
 
     indices: NDArray[np.int64]  # (3, T)

@@ -299,11 +299,11 @@ class _Germs:
     def orders(
         self, terms: int, steps: int
     ) -> tuple[list[tuple[int, tuple[int, ...]]], list[Any]] | None:
-        """Follow a germ, `first`; return (common order, curve orders) by step, and the last germ.
+        """Follow the germ `first`; return its orders in t at each step, and the last germ.
 
-        Orders are the powers of t that divide the coordinates, and the equations of curves, on
-        images of the germ. There are `steps` steps, or fewer if `terms` powers of t do not suffice.
-        The result is None if coordinates become too large.
+        The orders are (common order, curve orders): powers of t that divide the coordinates, and
+        the equations of curves, on images of the germ. There are `steps` steps, or fewer if `terms`
+        powers of t do not suffice. The result is None if coordinates become too large.
         """
         germ, orders = self.first, []
         for k in range(steps + 1):

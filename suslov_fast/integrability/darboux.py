@@ -213,10 +213,10 @@ def cofactors_of_degree(map: RationalMap, degree: int) -> Iterator[RationalFunct
 
 
 def _of_poles(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield cofactors of polynomials of this degree that are 0 where the map may have poles.
+    """Yield cofactors of the denominator F_0, 0 at poles, and of `map.factors`, of this degree.
 
-    The polynomials are the common denominator F_0 and its known factors. They need not divide their
-    pullbacks, so `candidate_cofactors` may lack their cofactors.
+    F_0 and its factors need not divide their pullbacks, so `candidate_cofactors` may lack their
+    cofactors.
     """
     for P in (*(map.factors or ()), map.forms[-1]):
         if degree_of(P) == degree and (C := map.cofactor(P)) is not None:

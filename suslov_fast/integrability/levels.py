@@ -80,7 +80,7 @@ def on_level(
         If these are not D - 2 independent integrals of the map, or the point is a singular one of
         their level, or no rule applies: then the message has the degrees of the equations left.
     ArithmeticError
-        If the map does not take the level to itself, one to one, or is undefined everywhere.
+        If the map does not take the level to itself, one to one, or no generic level is found.
 
     Examples
     --------

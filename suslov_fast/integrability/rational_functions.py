@@ -56,8 +56,8 @@ class WithLetters:
         Parameters
         ----------
         *unnamed, **values : int, Fraction, float or str
-            The values of some or all letters, by name: ``f.subs(eps="1/3")``. Values without a name
-            are an error. A float is the decimal that was written, a string may be "1/3".
+            The values of all letters, or of some letters of a function, by name. Values without a
+            name are an error. A float is the decimal that was written, a string may be "1/3".
 
         Returns
         -------

@@ -202,9 +202,9 @@ class BatchRun:
         """Continue a group of trajectories to state `stop`, in chunks.
 
         Chunks divide the batch before they divide time, so that their data stay in the caches. If a
-        chunk takes little time, the next one is longer, because `cost` is an upper estimate. A
-        block of lanes takes the same time however few of them are used, so a batch of one block is
-        serial.
+        chunk takes little or much time, the next one is longer or shorter, because `cost` is rough.
+        A block of lanes takes the same time however few of them are used, so a batch of one block
+        is serial.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = omega0.shape, self.n, self.problem.threads

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
 from ..checks import StatesLike, integer, one_number, short, wrong
-from ..core.flow.batch_solver import SolverRequest
+from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
 from ..maps.batch import Progress
@@ -101,7 +101,8 @@ def crossings(
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     system = system_of(system, x0)
-    settings = checked_settings(system, rtol, atol, max_step, stiff)
+    given = Settings(rtol=rtol, atol=atol, max_step=max_step, stiff=stiff)
+    settings = checked_settings(system, *given)
     names = checked_derivatives(system, derivatives)
     duration, before = one_number("time", time, _LAST), one_number("transient", transient)
     if before < 0.0:

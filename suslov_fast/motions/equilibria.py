@@ -471,7 +471,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
 
 
 def _totals(C: FloatArray) -> FloatArray:
-    """Return `totals` of `_Equations` from the coefficients C (k, terms) of the terms of f."""
+    """Return the matrix `totals` of `_Equations` from coefficients C (k, terms) of f's terms."""
     k = len(C)
     totals = np.zeros((k, k))
     if not C.any():

@@ -45,7 +45,7 @@ class Sliding:
     field, starts, request   equations, states x0 and request with modes
     contacts                 {number of an event at which a body may rest: component of the mode};
                              numbers count events on surfaces first
-    modes                    `SlidingEquations`, or None if no solution slides or rests; then the
+    modes                    `SlidingEquations`, or None if no solution can slide or rest; then the
                              first three are not set
     """
 

@@ -59,8 +59,8 @@ class FieldFlow:
 
     drifts       True for components with a constant rate (D,)
     is_forced    True if T is fixed, because other components depend on one that drifts
-    keeps_phase  True with events: Newton's method does not change the fastest component of the
-                 first node, so that the node stays between the same events
+    keeps_phase  True with events: unless T is fixed, Newton's method keeps the fastest component of
+                 the first node, so that the node stays between the same events
     """
 
     def __init__(

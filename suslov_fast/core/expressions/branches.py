@@ -137,7 +137,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     `results` are operands in `values`, functions of the state and P parameters. The branches, and
     the start values of clocks, become further parameters of f; without branches `f.branches` is
     None. `by` are the parameters with respect to which f is differentiated, too. `twice` is True if
-    the variational equations of f will be differentiated again. `actions` are `EventAction`s: first
+    columns of derivatives join the state later (`variational`). `actions` are `EventAction`s: first
     those of events on surfaces, then those of events at times.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)

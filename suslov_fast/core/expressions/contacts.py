@@ -74,7 +74,10 @@ class Contacts:
     """
 
     def __init__(self, values, contacts, factors, matrix, sign):
-        """Plan reactions from `factors` and `matrix` of `with_forces`; `sign` is the sign of T."""
+        """Add formulas of reactions, from `factors` and `matrix` of `with_forces`, to `values`.
+
+        `sign` is the sign of the last time T.
+        """
         self.values, self.contacts, self.sign = values, contacts, sign
         self.time = values.number(values.modes[-1])
         self.constraints = {c.mode: c.constraint for c in contacts.values()}

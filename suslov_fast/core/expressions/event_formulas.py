@@ -206,7 +206,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
 
 
 def _toward(actions, D, P):
-    """Return the `EventProgram` `toward` of the `EventAction`s on surfaces.
+    """Return the `EventProgram` `toward`, which finds s and ds/dt for all events on surfaces.
 
     Its results for each surface are s, ds/dt, and sums of moduli: of the terms of s, of the terms
     of ds/dt, and of the slopes ds/dx_j.

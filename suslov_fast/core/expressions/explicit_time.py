@@ -92,7 +92,7 @@ class ElapsedTime:
         return isinstance(a, float) or a in self.rigid
 
     def _pair(self, old):
-        """Return the operand `old` as a new `_Pair`, or None if it is no such sum."""
+        """Return the operand `old` as a `_Pair` p + q, or None if it is no sum of this kind."""
         new = None if isinstance(old, float) else self.known[old]
         if isinstance(new, _Pair):
             return new

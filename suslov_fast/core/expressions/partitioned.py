@@ -4,8 +4,8 @@ Every Hamiltonian T(p) + V(q) has such sets. The graph of the variables that rat
 colours. Variables of constant rate, such as clocks, may be in both sets.
 
 With such sets the columns of an explicit step evaluate f at half as many points (`flow.stormer`).
-So f must not have bumps between two points that the values at the points do not show. Gaussians and
-tanh may have such bumps, and so may roots of x**2 + 1e-8 and quotients by it. Polynomials, sin,
+So f must not change in a layer so thin that the values at the points do not show it. Gaussians and
+tanh may have such layers, and so may roots of x**2 + 1e-8 and quotients by it. Polynomials, sin,
 cos, exp of affine functions, and quotients and roots of polynomials without a constant do not. The
 rates of the first set A are not evaluated near the ends of a step, where a quotient may change
 abruptly. So these rates have no quotients and roots.

@@ -47,7 +47,7 @@ class Values:
         return self.total_of(start, [*chain.from_iterable(products)])
 
     def total_of(self, start, factors):
-        """Return `total` of a flat list of factors [a, c, ...]."""
+        """Return `total`, start + a c + ..., for a flat list of factors [a, c, ...]."""
         operands, kind = [] if start is None else [start], None
         if factors and self.fixed.isdisjoint(factors) and float not in map(type, factors):
             return self.emit("sum", *operands, *factors)

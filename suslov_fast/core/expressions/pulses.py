@@ -23,7 +23,7 @@ class _Wave(NamedTuple):
 
     size  bound of the modulus of the function, or of the rate of a linear function
     rate  bound of a'**2 of the fastest wave; None for a linear function
-    d     bound of d, with pulses as wide as exp(-d a**2 / 2); None for a linear function
+    d     bound of d, with pulses at least as wide as exp(-d a**2 / 2); None for a linear function
     """
 
     size: Number

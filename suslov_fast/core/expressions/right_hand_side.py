@@ -31,8 +31,8 @@ class RightHandSide:
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
     denominators  numbers of values of `f` that change sign at poles, see `_signs_of_poles`
-    surfaces     `Program` of the functions s of surfaces at which steps end, then of other
-                 functions of the state
+    surfaces     `Program` of the functions s of surfaces at which steps end, then of the shifts q
+                 of tables (functions of parameters, see `Branches.shifts`)
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
                  j = D, ... are the parameters `by`
     longest      operand of the longest step, a function of parameters, see `pulses`
@@ -106,7 +106,7 @@ class RightHandSide:
         return [(i, j) for i, mask in enumerate(self.reads) for j in bits_of(mask)]
 
     def rows_of(self, parts):
-        """Return rows {j: part} for `along`, of the `parts` of f' at the places `linked`."""
+        """Return the rows {j: entry} of f' from its entries at the places `linked`, `parts`."""
         rows = [{} for _ in range(self.height)]
         for (i, j), a in zip(self.linked, parts, strict=True):
             rows[i][j] = a

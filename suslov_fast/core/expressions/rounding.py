@@ -5,7 +5,7 @@ from .values import larger, operand_of
 
 
 def sizes_of(values, operations, state, with_branches=True):
-    """Return {number of a value: size}, where sizes are `Number`s that are added to `values`.
+    """Return {number of a value: its size before cancellation}; sizes are `Number`s in `values`.
 
     The size of a sum or difference is the sum of the sizes of its operands; other sizes are about
     the modulus. `state` is {number of an input or value of `operations`: its operand in `values`}.

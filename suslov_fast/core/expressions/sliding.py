@@ -84,9 +84,9 @@ class _Rates:
     def with_sides(self, sides):
         """Return the rates (D), the factors of forces, and the matrix of the equations for them.
 
-        They are results of `with_forces`, the forces being those of all surfaces and contacts.
-        At surfaces in `sides`, {number of a surface: True above}, f is f of this side. At all other
-        surfaces and contacts the mode decides whether the solution slides or rests there.
+        They are results of `with_forces`. At surfaces in `sides`, {number of a surface: True
+        above}, f is f of this side, and there is no force. At all other surfaces, and at contacts,
+        the mode decides whether the solution slides or rests there, by a force.
         """
         f, constraints = self._f(sides), self._constraints(sides)
         changes = {a: -self.values.dot(c.gradient, f) for a, c in constraints.items()}
@@ -148,8 +148,8 @@ class SlidingEquations(_Rates):
               the last requested time, and the time
     results   the operands of all rates in `values`
     contacts  {number of an event that is a contact: the component that is its mode}
-    actions   an `EventAction` for each event on a surface, for the change of each mode, for the
-              modes at time 0, and for each other event
+    actions   `EventAction`s in this order: of each event on a surface, of the mode of each surface
+              (not of contacts), of all modes at time 0, and of each other event
     surfaces_of_events  the number of events on surfaces
     """
 
@@ -232,9 +232,9 @@ class SlidingEquations(_Rates):
         return EventAction(s, to, -1, inf, 2)
 
     def _with_modes(self, x, leaving=None):
-        """Return the state x (operands) with the mode of each surface.
+        """Return the state x (operands) with modes of contacts (`Contacts.decided`) and surfaces.
 
-        The mode is the side of x, 1 or -1; if x is on the surface, `_decided` finds the mode.
+        The mode of a surface is the side of x, 1 or -1; on the surface, `_decided` finds the mode.
         At event `leaving`, the body that rests at this contact is set free.
         """
         x = self.resting.decided(x, leaving) if self.contacts else [*x]

@@ -47,7 +47,7 @@ class Sparse:
     numbers      the number of each of these entries in `places`
     pivots       for each column j in turn, the rows k < j with u_kj != 0
     spans        (-, 2) first row and number of rows of each span: consecutive rows in which a
-                 column of L or U has entries
+                 column of L or U has entries, and small gaps between such rows
     lower, upper   (-, 2) the unknowns of row and column, for each number of L and of U
     """
 

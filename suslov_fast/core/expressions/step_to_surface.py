@@ -20,12 +20,12 @@ SOONER = 2.0**-22  # factor of the time to a surface if rounding makes the sign 
 def aim_of(f, surfaces, is_implicit):
     """Return the `Program` that finds when `surfaces` of f and of its events are crossed.
 
-    The program reads the state, f times the sign of time, `side` and `level` (rows of
+    The program reads the state, f times the sign of time, side and level (both in rows `side` of
     `flow.memory`) for each surface of an event, and the table of f. Its results are
 
     1. the least time to a surface, negative if the state is just beyond it,
     2. the longest time since a crossing: 0 without a crossing, infinity if the rate s' leads back
-       or, after an implicit step, contains fast modes,
+       or is not used (after an implicit step, see above),
     3. the least time to a surface of an event; where rounding makes s uncertain (`NOISE`), the
        time times SOONER.
     """

@@ -21,7 +21,7 @@ class Variational(RightHandSide):
     The last q columns are derivatives by the parameters `by` of f, times scales: v' = f'(x) v +
     scale df/dp. The table has the numbers of the table of f, then the scales. If `has_trace`, the
     state ends with u, a constant as large as the columns, and s; s / u is the integral of trace f'.
-    If f has products of dense matrices, s stays 0.
+    If f has products of dense matrices, s' is 0, and s is of no use.
     """
 
     of = None

@@ -35,7 +35,11 @@ integrator_of = functools.lru_cache(64)(Integrator)
 
 
 class Settings(NamedTuple):
-    """Settings of all trajectories: keywords of `flow`, under their names."""
+    """Settings of all trajectories: keywords of `flow`, under their names.
+
+    They apply again where a motion begins again: after events at time 0, in second tries, with
+    modes, in segments of exponents, arcs of periodic orbits, and calls of `compiled.system`.
+    """
 
     rtol: float
     atol: Any = None  # None, a number for all components, or a tuple with a number for each
@@ -195,7 +199,7 @@ class BatchSolver:
     lost     (B, D), relative errors of the components of x0, 0 if not given. An entry RELATIVE asks
              for allowed errors relative to the component's own value (`growing_components`). After
              the run these are the errors at the end, if `lost` was given or an alarm ended a
-             trajectory
+             trajectory of the same block
     doubtful (B,), True where an alarm of `growing_components` did not end the trajectory
     records  arrays of the actions of events, see `event_records`
     is_stopped   True if `report` stopped the run

@@ -95,7 +95,7 @@ def CROSSED(
     A crossing is a change of the side, where events may act (`is_here`). A state on the surface has
     the side to which its rate leads, as in `_side`. If the rate is rounding, the side remains; but
     it changes if s has changed its sign along the step (`by_motion`). If only rounding led a state
-    across, its return is no crossing.
+    across, its return at once is no crossing.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))

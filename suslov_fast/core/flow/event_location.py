@@ -224,8 +224,8 @@ def TIME_AND_STATE(
 ):  # fmt: skip
     """Return the time, number of steps and state of a lane after a step, and if f `jumped`.
 
-    If the step is to be repeated (`refused`), time and number of steps are as before it. If f jumps
-    or ends at the end of the step, the lane runs on, even if the step had ended it.
+    If the step is to be repeated (`refused`), time and number of steps are as before it. Then, or
+    if f jumps or ends at the end of the step, the lane runs on, even if the step had ended it.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
     running = (tries > most).select(float(LaneState.TOO_MANY), mode)

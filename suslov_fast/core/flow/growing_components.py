@@ -123,7 +123,7 @@ def LOST(
 
 @scalar_kernel
 def FED(new, f_new, fed, signed, lost, changes, left):
-    """Set `lost` of a component to 0, and `changes` to 1, if components with `lost` 0 feed it.
+    """Set `lost` of a component to 0, and `changes` to 1, if components with `lost` <= 0 feed it.
 
     `fed` is the rate of the component with 0 in place of all components with `lost` > 0. `left`
     becomes the largest `lost` that remains.
@@ -161,8 +161,8 @@ def GROWS(value, f, fed, signed, least, part, grow, fall):
     """Return the trial `value` of a component if it grows, else `part` of it; count both cases.
 
     Components with trial values are a group. A component grows if the group adds more than `least`
-    times `value` to it in the step. f is the rate of the component, and `fed` its rate with 0 in
-    place of the group.
+    times `value` to it in the step. f is the rate of the component with the trial values, and `fed`
+    its rate with 0 in place of them.
     """
     is_in, grows = value > 0.0, signed * (f - fed) > least * value
     return {
@@ -205,8 +205,8 @@ def find_alarms(code):
 def watch(code, alerts, on_trial):
     """Watch components after a step: in lanes `alerts`, and where some have lost digits.
 
-    Explicit steps watch lost digits in every second step, and in the last step of a solution. In
-    lanes `on_trial` errors were allowed by `second_trial`: they are rounding, and do not count.
+    Explicit steps watch lost digits in every second step, and in the last step of a solution. Their
+    `alerts` do not count in lanes `on_trial`: `second_trial` has allowed these errors as rounding.
     """
     line, work, text = code.line, code.work, code.text
     watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0

@@ -18,14 +18,14 @@ from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
 class Integrator:
     """The explicit integrator of a right-hand side f or, if `is_implicit`, the implicit one.
 
-    functions    `vector_functions` by name: `f`, which is `f.with_denominators`, and functions of
-                 surfaces, events and branches; in the implicit integrator also `j`, which finds
+    functions    `vector_functions` by name: `f`, which finds f(x), then `f.denominators`; functions
+                 of surfaces, events and branches; in the implicit integrator also `j`, which finds
                  the entries of f', `factor` for 1 - s f', and `solve`
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each set
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     has_atol     True if allowed errors do not depend on the sizes of other components
-    is_relative  True if some components (RELATIVE in `lost`) have errors relative to their values
+    is_relative  True if allowed errors of some components (RELATIVE in `lost`) are relative to them
     parts        (first component, how many) of x and of derivatives, which have different sizes:
                  large derivatives must not loosen the tolerance of x
     watched      the number of components of x if f has surfaces at which steps end, else 0

@@ -80,11 +80,11 @@ def SECOND(
 
     `ratio` and `of_apart` are maxima over components; `inverse` is 1 / allowed error. The allowed
     error is the largest of three: the one before the trial; `grows` h `least`; and OF_NOISE h
-    `second`, which is at most NOISY `top`. h is the length `taken`, `top` the largest component.
+    `second`, but at most NOISY `top`. h is the length `taken`, `top` the largest component.
     `least`, `largest` and `second` are changes of f, as in `BESIDE_POINTS`. If the step is hardly
     longer than the rounding of time, `largest` replaces `least`, because sub-steps contain little
-    except rounding. `of_length`, the ratio for the next length, omits errors that only the trial
-    allows, because these do not shrink with the step.
+    except rounding. `of_length`, the ratio for the next length, omits errors that are within an
+    allowed error that the trial has raised, because these do not shrink with the step.
     """
     is_short = taken <= TINY_STEP * t
     at_ends = grows * (taken * is_short.select(largest, least))

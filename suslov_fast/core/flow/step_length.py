@@ -130,8 +130,8 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     """Return the length `taken` of the next step; it is 0 in lanes of the other integrator.
 
     A step that would pass the requested time `next`, but not `second`, is a step aside: it ends at
-    `next`. If a lane is at the last requested time `last`, but an event has yet to act there, it
-    takes one more step, of length TINY.
+    `next`. `last` is `StepCode.goal`. If a lane is at this time, but an event has yet to act there,
+    it takes one more step, of length TINY.
     """
     rest, to_next, to_second = larger(last - t, TINY), larger(next - t, TINY), second - t
     is_within = wanted < reach * rest

@@ -91,8 +91,9 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 
 
 def find_errors(code, sizes):
-    """Return the sums of `RATIO`, `LARGE`, `DIFFERENCES`, `alerts` and `apart`, by name.
+    """Return maxima and sums over components, by name, that decide about a step.
 
+    They are results of `RATIO`, `LARGE` and `DIFFERENCES`, `alerts`, and `apart`.
     `apart` is the largest sum d that shows false steps (`step`), relative to allowed errors. The
     row `inverse` gets 1 / allowed errors. `sizes` is from `find_next_state`.
     """

@@ -8,8 +8,8 @@ kernel      a function(part, parts, *arguments) that does one of `parts` parts o
             calls `kernel.serial(*arguments)` or `kernel.parallel(threads, *arguments)`
 for_users   a formula that users call from Python and from their own compiled loops
 
-Each is compiled when compiled code, or Python, first calls it; but Python runs a `formula` or
-`function` uncompiled. `.py_func` is the Python function that was compiled. Until small calls of a
+Each is compiled when first called (a `c_function` when its address is read); but Python runs a
+`formula` or `function` uncompiled. `.py_func` is the Python function. Until small calls of a
 kernel have taken WARM_UP seconds, Python or NumPy runs them, with the same bits. With
 NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks indices. A function that
 takes a constant integer is compiled for each value, because constants have their own types. A loop

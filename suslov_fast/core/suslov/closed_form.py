@@ -138,8 +138,8 @@ def difference_of_squares(ell, x, nu, k, X, K):
 def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
     """Fill rows of lane l with b, c, d12 and d22, for n >= 0 if `ahead` is 1, for n < 0 if -1.
 
-    Formulas and letters are in the head of this file. `passes` is 1 for an orbit from one steady
-    state to another, and 0 for one that turns; `d22_passes` and `d22_turns` are d22 of both kinds.
+    Formulas and letters are in the head of this file. `passes` is True for an orbit from one steady
+    state to another, False for one that turns; `d22_passes` and `d22_turns` are d22 of both kinds.
     """
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
@@ -225,8 +225,8 @@ def rate(passes, L, r, is_map):
     """Return the rate of an orbit: log|r| if it passes, and the angle a = arctan(L) if it turns.
 
     Letters are as in the head of this file, with L = e root. For the flow the rate is -2 L or L.
-    For the map, if L > 1, the angle is a - pi / 2, which keeps more digits; `pair` adds pi / 2 in
-    odd steps.
+    For the map, if L > 1, the angle is a - pi / 2, which keeps more digits; then `pair` adds
+    (n % 2) pi / 2.
     """
     if is_map == 0.0:
         return -2.0 * L if passes > 0.0 else L

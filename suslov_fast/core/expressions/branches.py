@@ -302,8 +302,7 @@ def _watch(f, surfaces):
 def _choices(tests, surfaces, branches):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    It also reads the old branches. `branches` are operands in `tests`, for each surface. The
-    results:
+    It also reads the old branches. `branches` are operands in `tests`, for each surface. Results:
 
     1. the index in `surfaces` of the first jump of f with a new branch, else -1,
     2. 1 if any branch is new, else 0,

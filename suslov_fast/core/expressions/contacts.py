@@ -4,7 +4,7 @@ An event is a contact if its action leaves states on its surface s = 0, but chan
 contact has a mode, a further component of the state: 1 for a free body, 0 for a body at rest above
 the surface, -1 for a body at rest below. At rest a reaction acts in the direction in which the
 action moves a state, and makes d2s/dt2 = 0. The body leaves the surface when the reaction would
-have to pull.
+pull.
 """
 
 from functools import reduce
@@ -66,8 +66,7 @@ class Contact:
 class Contacts:
     """The contacts of bodies that may rest, {number of an event: `Contact`}, of `SlidingEquations`.
 
-    After the modes, the state has two components: T / (1 + T), where T is the last requested time,
-    and the time.
+    After the modes, the state has T / (1 + T), where T is the last requested time, and the time.
 
     reactions  {number of an event: minus d2s/dt2 if this contact had no reaction}
     stopped    operands (D) of the state, with ds/dt = 0 where a body rests

@@ -182,8 +182,7 @@ def along(emit, products, rows, v, totals=()):
 
     v is {component: operand of its change}; the extended v also has the changes of the entries of
     `products`, products of dense matrices. `rows` are gradients: first those of the operands of
-    `products`, then those of the values. `totals` are operands to add to the changes, one for each
-    row. None stands for 0.
+    `products`, then those of the values. `totals` are operands to add to the changes. None is 0.
     """
     v = dict(v)
     changes = (

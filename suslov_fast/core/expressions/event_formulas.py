@@ -139,8 +139,7 @@ class EventSet(NamedTuple):
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
 
-    The part `toward` serves all surfaces; the others belong to event k, with tau and columns v as
-    in the equations above:
+    The part `toward` serves all surfaces. The others belong to event k; the head has tau and v:
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets
@@ -235,8 +234,8 @@ def _toward(actions, D, P):
 def _of_columns(k, action, D, P, by, q):
     """Return {name: `EventProgram`} of `column` and, if event k is on a surface, of `tau`.
 
-    Both are formulas in the head of this file. The column is with respect to parameter by[q], or to
-    the initial state if q is None.
+    Both formulas are in the head. The column is with respect to parameter by[q], or x0 if q is
+    None.
     """
     tau = 4 * D
     first, scales = tau + 1, tau + 1 + P

@@ -26,8 +26,8 @@ def aim_of(f, surfaces, is_implicit):
     1. the least time to a surface, negative if the state is just beyond it,
     2. the longest time since a crossing: 0 without a crossing, infinity if the rate s' leads back
        or is not used (after an implicit step, see above),
-    3. the least time to a surface of an event; where rounding makes s uncertain (`NOISE`), the
-       time times SOONER.
+    3. the least time to a surface of an event, times SOONER if rounding makes s uncertain
+    (`NOISE`).
     """
     D, of_changes = f.D, f.events.surfaces if f.events else 0
     first = 2 * (D + of_changes)

@@ -100,8 +100,8 @@ class Factors:
     """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
     `matrix` is a `Matrix`, or has `values` and `entry`. `order` has the unknowns in the order of
-    pivots, and `fill` is from `filled`. If the dict `right` is given, it gets the right sides g_k
-    after elimination.
+    pivots, and `fill` is from `filled`. If the dict `right` is given, it gets the g_k after
+    elimination.
 
     diagonal, original   N_kk after and before elimination
     pivot, inverse       1 - N_kk after elimination, and its inverse; missing if N_kk is 0

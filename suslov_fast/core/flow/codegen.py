@@ -106,8 +106,7 @@ class StepCode(FunctionCode):
     def keep_largest(self, truth, i, x):
         """Raise the row `largest` of component i to |x|, in lanes where `truth` is true.
 
-        For components with allowed errors relative to their own value (RELATIVE in `lost`), set it
-        to |x| even if |x| is smaller.
+        If allowed errors are relative to |x| (RELATIVE in `lost`), set it to |x| in any case.
         """
         modulus, largest = abs(x), self.line.largest[i]
         is_new = modulus > largest

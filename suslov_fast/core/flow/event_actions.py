@@ -321,8 +321,8 @@ def most_records(events, equal):
 def _act_at_surfaces(code, is_there, by_motion, again):
     """Let events act on the surfaces that a state has crossed, until no event acts.
 
-    In lanes `by_motion` the step led to the surfaces, elsewhere an action did. `again` receives
-    results of `AGAIN`.
+    In lanes `by_motion` the step led to the surfaces, elsewhere an action. `again` gets results of
+    `AGAIN`.
     """
     text, work, events = code.text, code.work, code.integrator.events
     _look_at_end(code)

@@ -1,7 +1,6 @@
 """The motion of one state over a given time, for users' compiled loops, in memory that they hold.
 
-Steps and bits are the same as in `BatchSolver`. A call may change between the explicit and the
-implicit integrator.
+Steps and bits are the same as in `BatchSolver`. A call may change the integrator.
 """
 
 import math

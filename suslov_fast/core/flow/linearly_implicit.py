@@ -6,8 +6,7 @@ c = A**-1 s f(x),     N - 1 times c = c + A**-1 s f(x + c),
 
 and ends at x + c: the states are y_m+1 = y_m + A**-1 s f(y_m). The expansion of the ends is valid
 for every J. As J is f' at x, a column does not show a layer of f that its first or last sub-step
-crosses. Let c_1 and c_N be the increments in the first and in the last sub-step. Two quantities
-show such layers:
+crosses. Let c_1 and c_N be the increments in the first and last sub-step. Such layers show in
 
 N (s f(x + c_1) - c_1)    and    N c_N - h f(x_next).
 
@@ -15,8 +14,7 @@ On true steps both vanish after extrapolation. A step is tested by A**-1 (first 
 A of the last column, so that layers at both ends do not cancel. At a knee f' at the end is much
 smaller than J. Then a step that has wrongly followed the slow motion of its start would pass,
 because A**-1 makes its error small. So f is evaluated once more, at the end plus A**-1 (first +
-second / 2). If f' at the end then differs from J, A is factored with f' of the end, and A**-1
-second / 2 is tested, too.
+second / 2). If f' at the end differs from J, A**-1 second / 2 is tested with f' of the end, too.
 
 Columns with N = 4, 8, 12 and 16 pass the quarters of the step. States at the quarters are
 extrapolated like the end, with order 4 and the same stability. They locate crossings of surfaces.

@@ -47,8 +47,7 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     A clock, such as time, is moved to a later time, by about its rounding. Other components are
     displaced by BESIDE_SIZE times a part of their size, and then by `move`. The part, from -1/2 to
     1/2, is as good as random; `seeds` and `multiple` determine it. The size is |state| at the ends
-    of the step. Between the ends, where the state may be 0, the size is the larger modulus of the
-    two ends.
+    of the step. Between the ends, where the state may be 0, the size is the larger of both.
     """
     later = state + OF_CLOCK * larger(abs(state), t * abs(f))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))

@@ -1,8 +1,7 @@
 """The columns of an explicit step if the variables fall into two sets: Störmer's rule.
 
 If the rates of A read B alone, and the rates of B read A alone (`partitioned`), Gragg's rule
-(`gragg`) computes two leapfrogs that never meet. Störmer's rule is one of them, with half the
-operations:
+(`gragg`) computes two leapfrogs that never meet. Störmer's rule is one of them: half the work.
 
 b_B = x_B + s f_B(x_A),     a_A = a_A + 2 s f_A(b_B),     b_B = b_B + 2 s f_B(a_A),
 

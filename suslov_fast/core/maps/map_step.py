@@ -1,8 +1,7 @@
 """A step of a map x -> f(x) as an expression program, with columns of derivatives.
 
 The kernel of steps runs it like a step of a field; the parameters of f stand where a field has its
-coefficients times eps / 2. A step exists if all components of f(x) are finite; otherwise the
-trajectory ends.
+coefficients times eps / 2. A step exists if all components of f(x) are finite; else the orbit ends.
 """
 
 import functools

@@ -68,8 +68,7 @@ class _Sparse:
     """A step of sparse fields with terms v x_j x_k of f_i; `halves` (1 or B, T) are eps v / 2.
 
     Called with the fraction of eps that a stage takes, states (n, D) and the numbers `which` of
-    their trajectories, it returns the next states, and the signs (n,) of det A, 0 where the matrix
-    A of the step is singular.
+    their trajectories, it returns the next states, and the signs (n,) of det A, 0 if A is singular.
     """
 
     def __init__(self, indices, D, halves):

@@ -244,8 +244,7 @@ class CFunction(Tiered):
         """Return the address of machine code, or of a Python function for little work.
 
         The Python function serves while nothing is compiled and all calls together, with this one
-        of about so many `seconds`, take less than WARM_UP. Code that may call the Python function
-        must run within `calling_python`.
+        of about so many `seconds`, take less than WARM_UP. It must run within `calling_python`.
         """
         is_small = not self.is_compiled and self.is_warming_up(seconds)
         if config.DISABLE_JIT or (is_small and not is_kept(self.compiled, self.kinds)):

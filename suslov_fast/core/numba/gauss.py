@@ -97,9 +97,8 @@ def memory_of_one(m):
 def solve(a, units):
     """Solve one system (m, columns) in place, by scaling and partial pivoting; return its status.
 
-    Solutions replace right sides, and pivots replace the diagonal. The product of the pivots has
-    the sign of det A; if a pivot is 0 to rounding, the status is SINGULAR. `units` (2, m) is
-    memory.
+    Solutions replace right sides, and pivots replace the diagonal; their product has the sign of
+    det A. If a pivot is 0 to rounding, the status is SINGULAR. `units` (2, m) is workspace.
     """
     weights = units[1]
     undefined, size = 0.0, 0.0

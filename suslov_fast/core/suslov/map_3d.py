@@ -108,8 +108,7 @@ def leave_plain(frame, X, Y):
 def turn(X, Y, K):
     """Return numbers `along`, `across` and `ratio`, and 1.0 if the state is a pole, else 0.0.
 
-    The next state is z_next = along z + across i z, with X_next = ratio X. All three are NaN if
-    there is no next state.
+    The next state is z_next = along z + across i z, with X_next = ratio X; NaN if there is none.
     """
     KX = K * X
     square = X * (2.0 * X)

@@ -27,8 +27,7 @@ carry        (1, B), the number of the first state after a step with det A < 0, 
 A block of lanes is two arrays: c[row, component, lane], with the rows J_, I_, W and INVERSE, and
 b[row, lane], with one number for each lane. The number of components in c is even; if m is odd, the
 last has J = inf and I = w = 0. After a failure the state and eps of a lane are NaN, so that the
-lane needs no elimination. In NumPy a block has a single lane, in which each number is an array of
-all trajectories.
+lane needs no elimination. In NumPy a block has a single lane of arrays over all trajectories.
 """
 
 from typing import Any, NamedTuple

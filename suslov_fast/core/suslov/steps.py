@@ -188,8 +188,7 @@ def finish_lanes(b, alone, plains, first, last, span, output):
     """Write the last states, `carry` and failures of trajectories `first` to last - 1.
 
     A later run continues from `carry`. A lane that is `alone` knows the step at which it failed.
-    Among many lanes, failed_at becomes TO_FIND where a trajectory may have failed. Return how many
-    trajectories these are.
+    Among many lanes, failed_at becomes TO_FIND where a trajectory may have failed. Return how many.
     """
     _, final, carry, status, failed_at = output
     to_find = ZERO

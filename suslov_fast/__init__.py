@@ -30,8 +30,8 @@ from types import ModuleType
 
 __version__ = "2.1.0"
 
-# The imports in `__init__.pyi` list the public names. The loader reads this file, because the
-# package may be in an archive.
+# The imports in `__init__.pyi` list the public names. The loader reads that file, not `open`,
+# because the package may be in an archive.
 _LIST = __loader__.get_data(str(Path(__file__).with_suffix(".pyi"))).decode()
 MODULE_OF = {
     alias.name: f".{node.module}"

@@ -319,12 +319,12 @@ def _computed(client: Any, calls: Iterator[Any]) -> Generator[slice, None, None]
     from distributed import as_completed
 
     def submitted(count: int) -> list[Any]:
-        # Calls are bytes that the task reads: if it cannot import a function of the user, the
-        # task raises the error. If the worker read it, it would end, and the wait would not.
+        # The task itself unpickles its call, and raises if a user's function cannot be imported. If
+        # the worker unpickled the call, the worker would end, and the wait would not.
         texts = (cloudpickle.dumps(call) for call in islice(calls, count))
         return [client.submit(_write_pickled, text, pure=False) for text in texts]
 
-    # Some calls wait at the scheduler, so that no worker waits; not all, as they contain states.
+    # A few calls wait at the scheduler, so that no worker waits; few, because calls contain states.
     futures = as_completed(submitted(4 + 2 * sum(client.nthreads().values())))
     for future in futures:
         yield future.result()

@@ -19,8 +19,8 @@ from .maps.map_records import Method, map_of
 from .maps.problem import Problem, check
 
 __all__ = ["invariant_density", "jacobian", "matrix", "modified_energy", "multipliers"]
-# At a fixed point, each |f_i| is at most _FIXED times the sum of the moduli of its terms,
-# or a step of Newton's method is at most _FIXED times the size of x.
+# `multipliers` takes x as a fixed point if each |f_i(x)| is at most _FIXED times the sum of the
+# moduli of its terms, or if a step of Newton's method for f = 0 is at most _FIXED times |x|.
 _FIXED = 1e-8
 
 

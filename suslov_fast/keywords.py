@@ -45,7 +45,7 @@ def missing_in(module: str, name: str) -> Exception:
     For ``from package import name`` it is an ImportError, because Python would hide the text of an
     AttributeError.
     """
-    if find_spec(f"{module}.{name}"):  # a module that is being imported
+    if find_spec(f"{module}.{name}"):  # a submodule: `from ... import` loads it after this error
         return AttributeError(name)
     error = lacking(sys.modules[module], name)
     if sys._getframe(2).f_code.co_name == "_handle_fromlist":  # for `from ... import`
@@ -78,7 +78,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
-        except TypeError as error:  # arguments are compared only now, for speed
+        except TypeError as error:  # checked only after an error, for speed
             if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                 raise  # the error is from inside the function, not from the call
             raise _wrong_call(function, args, kwargs, error) from None

@@ -3,8 +3,8 @@
 from collections.abc import Collection
 from difflib import get_close_matches
 
-# Rows: words, compared without underscores and capitals; the names to use, if the function or
-# object has one of these names; and what to use otherwise.
+# Rows: words that users may type, compared without underscores and capitals; right names, of which
+# `answer` gives the first that the function or object has; and the advice if it has none.
 TABLE = (
   ("x0 y0 u0 z0 omega0 ic start initial initialstate initialcondition",
    "x0 omega0 near states[0] state", ""),
@@ -170,7 +170,7 @@ TABLE = (
   ("invariantmeasure measure density densities", "measures",
    "kahan.invariant_density(system, x, eps), or suslov_fast.integrability.report(field).measures"),
 )  # fmt: skip
-# Words for functions and objects with steps or times alone.
+# Rows that count only for functions and objects with an argument or attribute `steps` or `time`.
 OF_STEPS = (
   ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
   ("dt h step stepsize deltat firststep initialstep", "eps",
@@ -203,7 +203,7 @@ OF_STEPS = (
 )  # fmt: skip
 # A piecewise constant function of t: values[i] from knots[i] to knots[i + 1].
 STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
-# Functions that f cannot call, and how to write them with functions that it can call.
+# Functions that f of a `Field` or `Map` cannot call, and how to write them with those it can.
 OF_ARRAYS = {
     "sinc": "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)",
     "fmax": "np.maximum",

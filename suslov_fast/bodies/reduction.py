@@ -26,17 +26,17 @@ class Reduction:
         m = self.J.shape[-1]
         self.first = first_of_equal(self.J)
         multiplicity = self._in_each(np.add, np.ones(m))
-        # The length |I_E|. In an eigenspace of dimension 1 it keeps the sign of I, so u = omega_i.
+        # |I_E| in each eigenspace E, with the sign of I if E has dimension 1: then u is omega_i.
         self.length = np.where(multiplicity == 1, I, self._in_each(np.hypot, I))
         coupled = self.length != 0.0
         self.unit = I / np.where(coupled, self.length, 1.0)
-        self.rest = multiplicity - coupled  # the dimension of E0
-        # If E0 has dimension 1, r is signed: E0 has the unit vector 1, or (-unit_j, unit_i).
+        self.rest = multiplicity - coupled  # the dimension of E0, the part of E orthogonal to I
+        # If E0 has dimension 1, r is signed, along a unit vector of E0: 1, or (-unit_j, unit_i).
         i = np.arange(m)
         other = np.where(multiplicity == 2, self._in_each(np.add, i) - i, i).astype(np.int64)
         across = np.take_along_axis(self.unit, other, axis=-1) * np.where(self.first == i, -1, 1)
         self.axis = np.where(self.rest == 1, np.where(coupled, across, 1.0), 0.0)
-        # Places 2i and 2i + 1 hold u and r of the eigenspace of J_i, if it appears first there.
+        # Places 2i and 2i + 1 are for u and r of the eigenspace of J_i, if i is its first index.
         is_first = self.first == i
         present = _interleaved(is_first & coupled, is_first & (self.rest > 0))
         self.count = present.sum(axis=-1)
@@ -95,7 +95,7 @@ class Reduction:
         states = np.broadcast_to(states, (*_common(states, r), states.shape[-1]))
         place = self.order.argsort(axis=-1)
         places = (np.take_along_axis(place, 2 * self.first + k, axis=-1) for k in (0, 1))
-        # For an absent coordinate the last one is read, which is then multiplied by 0.
+        # In place of a coordinate that E lacks, the last one is read, and then multiplied by 0.
         u, length = (taken(states, each.clip(max=states.shape[-1] - 1)) for each in places)
         without_direction = (self.rest > 1) & (r == 0.0) & (length != 0.0)
         with np.errstate(all="ignore"):

@@ -32,7 +32,7 @@ class Body(Members, metaclass=Answering):
     """A body, field or map, or a batch; dataclass fields of a body are its parameters."""
 
     _axes: ClassVar[dict[str, int]] = {}  # 1 for parameters that are vectors, 2 for matrices
-    _positive: ClassVar[dict[str, int]] = {}  # positive parameters: exponents for `checks.within`
+    _positive: ClassVar[dict[str, int]] = {}  # {positive parameter: exponents for `checks.within`}
     _called: ClassVar[str] = "a body or a field"
     _variable: ClassVar[str] = "omega"  # the name of states, in messages
     _left: ClassVar[str] = r"\dot{%s}"  # the left side of an equation in LaTeX, for a variable
@@ -53,8 +53,8 @@ class Body(Members, metaclass=Answering):
     _coordinates: ClassVar[Any] = ()  # parameters that are coordinates of datasets
     _shared: ClassVar[Any] = {}  # what all members have in common besides parameters
     _read: ClassVar[Any] = None  # makes a body from its dictionary; by default the class
-    _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary without numbers
-    _may_escape: ClassVar[Any] = False  # False, because the energy of a body is constant
+    _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that are texts, not numbers
+    _may_escape: ClassVar[Any] = False  # no body escapes: its energy is constant
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -191,7 +191,7 @@ def of_arrays(quadratic: Any, linear: Any, constant: Any) -> tuple[Terms, int]:
     for name, value, axes in (("linear", linear, 2), ("constant", constant, 1)):
         if value is not None:
             parts[name] = _of_array(name, value, axes, D)
-    # Linear terms and constants have factors 1, with the index D.
+    # Linear terms and constants are filled up with factors 1, which have the index D.
     indices = [np.vstack([i, np.full((3 - len(i), i.shape[1]), D)]) for i, _ in parts.values()]
     batch = checks.common_shape({name: v.shape[:-1] for name, (_, v) in parts.items()})
     values = [np.broadcast_to(v, (*batch, v.shape[-1])) for _, v in parts.values()]

@@ -34,7 +34,7 @@ _INSTRUCTIONS = {
 # denominator up to _MOST_DENOMINATOR equals the constant.
 _LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999
 _NONE: dict[float, Fraction] = {}
-# How tightly signs bind, in the order of Python.
+# The precedence of operators in Python: signs with larger numbers bind tighter.
 _CALL, _UNARY = 10, 8
 _LEVELS = {
     "power": 9, "multiply": 7, "divide": 7, "floor_divide": 7, "remainder": 7, "add": 6,

@@ -112,7 +112,7 @@ def of_hamiltonian(
     # Operations in an order that H determines: an H that is read from text has the same gradient.
     values, [H] = in_order(tracer.values, [energy])
     [slopes] = gradients(values, [*values.operations], [H], len(names))
-    rows: list[Any] = [None] * len(names)  # an operand may be 0, the number of the first variable
+    rows: list[Any] = [None] * len(names)  # None, because 0 is the number of the first variable
     for i, j, c in matrix.T:
         if j in slopes:
             part = values.emit("fmul", float(c), slopes[j])

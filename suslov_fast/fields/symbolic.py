@@ -44,7 +44,7 @@ class Tracer:
         self.D, count = len(names), len(self.names)
         self.values = Expressions(count, range(self.D, count))
         self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
-        self.ratios: dict[float, Fraction] = {}  # fractions that no float is, by the nearest floats
+        self.ratios: dict[float, Fraction] = {}  # {nearest float: fraction that is no float}
 
     @property
     def state(self) -> Symbols:
@@ -225,12 +225,12 @@ def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any
     """Return the value of a function of NumPy at symbolic numbers, as `__array_ufunc__`."""
     name = ufunc.__name__
     if isinstance(kwargs.get("out", (None,))[0], Symbol):
-        del kwargs["out"]  # for x += y, which makes x another symbol
+        del kwargs["out"]  # x += y: x becomes another symbol, as no symbol changes in place
     is_product = ufunc is np.matmul and method == "__call__"
     if is_product and (product := _product(*inputs)) is not None:
         return product
     is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # from np.vectorize
-    if ufunc.signature is not None or is_of_user:  # NumPy itself calls methods of objects
+    if ufunc.signature is not None or is_of_user:  # NumPy computes these by methods of symbols
         return _wrapped(getattr(ufunc, method)(*map(_base, inputs), **_bases(name, kwargs)))
     function, _ = _function(name)
     if method == "__call__" and not kwargs and not any(map(_is_array, inputs)):

@@ -59,7 +59,7 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
         how = f"it has no parameter {unknown[0]!r}"
         if near or known:
             how += f", but {either(near or known)}"
-        elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a symbol
+        elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a letter
             how += f": use {meant}"
     elif missing:
         how = f"pass values of its parameters, as {', '.join(f'{name}=1.0' for name in missing)}"
@@ -169,7 +169,7 @@ def operands_of_function(
             calls.append([*map(tracer.result, alone)])
         except (TypeError, ValueError) as error:
             raise type(error)(f"{argument}: {error}") from None
-    first, second = ([*map(repr, each)] for each in calls)  # equal operations are one operand
+    first, second = ([*map(repr, each)] for each in calls)  # equal operations get one number
     if first != second:
         how = "f must compute from x and its parameters alone, without random numbers or memory"
         raise ValueError(f"{argument}: two calls of f differ: {how}")

@@ -24,8 +24,8 @@ from .right_hand_sides import by_code_if_often
 from .symbolic import Symbol, Symbols, Tracer
 from .trace import called_by_name
 
-# Names of parts other than the named parameters. They contain spaces, because a parameter can have
-# any name that Python accepts.
+# Keys of the parts of a field or map other than its parameters. They contain spaces, because a
+# parameter can have any name that Python accepts.
 NAMES, EQUATIONS = "names of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
 # Attributes that are the same for all values of the parameters, if the parameters are numbers.

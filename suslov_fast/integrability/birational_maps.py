@@ -43,7 +43,7 @@ class RationalMap(rational_functions.WithLetters):
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # Hamiltonian of the field of a Kahan map, a polynomial
-    modified_energy: Any = None  # the modified `hamiltonian`, an integral, if not constant
+    modified_energy: Any = None  # first integral H + O(eps) of this H; None if it is constant
     _latest: tuple[Any, Any] = None, None  # the last modulus, and the forms modulo it
     _latest_numbers: Any = None, None  # the last numbers for letters, and the map for them
 

@@ -42,7 +42,7 @@ class Passage(NamedTuple):
 
     common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1
     curve_orders: tuple[tuple[int, ...], ...]  # orders of contracted curves' equations at image k
-    steps: int | None  # the first k for which images are on a curve again; None without any
+    steps: int | None  # the first k for which image k of the curve is a curve; None if none is
     endless: bool = False  # True if the last point without an image was not reached
 
 
@@ -78,7 +78,7 @@ class Step(NamedTuple):
 
     germ: list[Any]  # the image, divided by t**common_order
     common_order: int
-    curve_orders: tuple[int, ...]  # orders in t of the curves' equations along the germ before it
+    curve_orders: tuple[int, ...]  # orders in t of the curves' equations on the germ before a step
 
 
 class PlaneModulo:
@@ -153,7 +153,7 @@ class PlaneModulo:
         """
         common_orders: list[int] = []
         curve_orders: list[tuple[int, ...]] = []
-        exact = 0  # steps after which all orders of curves are less than the number of terms
+        exact = 0  # steps up to which orders of curves are exact: all are less than `terms`
         steps: int | None = None
         endless = Passage((), (), None, endless=True)
         for k in range(most + 1):
@@ -211,8 +211,8 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
 
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # numbers of terms of power series in t, tried in this order
-_LONGEST = 20_000  # the most bits of the coordinates of a point
-_MONOMIALS = 2_000  # the most monomials in all coordinates of a point
+_LONGEST = 20_000  # a proof gives up if a number in the coordinates of a point has more bits,
+_MONOMIALS = 2_000  # or if all coordinates of a point have more monomials together
 _NUMBERS = range(1, 9)  # numbers that are tried in place of s, the parameter of points
 
 
@@ -355,7 +355,7 @@ class _Germs:
         def coefficients(P: Any) -> list[Any]:
             return [*coefficients_in(P, -3), *zeros][:n]
 
-        # The inverse of this coordinate solves a linear system, up to a factor.
+        # The inverse of the coordinate `last` solves a linear system, up to a factor.
         products = [coefficients(self._reduced(last * self._r**k)) for k in range(n)]
         *inverse, _ = cramer([*map(list, zip(*products, coefficients(self._r**0), strict=True))])
         multiple = sum(c * self._r**k for k, c in enumerate(inverse))

@@ -44,7 +44,7 @@ def space_of(map: RationalMap, degree: int, cofactor: Any) -> Polynomials:
 
     def search(p: int, eps: Values) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, p, eps))
-        if map.is_symbolic and space:  # in place of LLL: pivots become monomials of low degree
+        if map.is_symbolic and space:  # with letters LLL does not apply: take pivots of low degree
             return arithmetic.row_space(space, p)
         return space
 
@@ -354,7 +354,7 @@ def _divisors(
             rest = free - power * sizes[k]
             if rest < 0:
                 return
-            if rest > sum(largest[k + 1 :]):  # a degree that the later factors cannot have
+            if rest > sum(largest[k + 1 :]):  # the later factors cannot make up this degree
                 continue
             joint = system
             if rows:

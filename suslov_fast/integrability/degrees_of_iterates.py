@@ -111,13 +111,13 @@ class Growth(NamedTuple):
     based_on: str
 
 
-_LONG = 200_000  # degree times length of a map, above which the next degree takes over 10 s
+_LONG = 200_000  # degree times `length` of a map, above which the next degree takes over 10 s
 _SPARE = 3  # the least number of degrees that confirm a recurrence
 _ROUNDING = 1e-9  # relative rounding error of the modulus of a root
 _LAST = 3  # number of last quotients d_(k+1) / d_k, which decide without a recurrence:
 _LEAST = 1.5  # growth is called exponential if all last quotients are above this,
 _RATIO = 1.1  # and if the largest of them is at most this times the least
-_HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow in the plane, if not exponentially
+_HIGHEST_IN_THE_PLANE = 2  # degrees in the plane grow at most as this power of n, or exponentially
 
 
 @public
@@ -196,7 +196,7 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
         return None
     rows = [terms[i : i + order + 1] for i in range(steps)]
     reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
-    # Every infinite sequence of integers with a recurrence has one of integers (Fatou 1906).
+    # A sequence of integers with a recurrence has one with integer coefficients (Fatou 1906).
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
     is_minimal = rank == order  # else a recurrence of lower order holds, which was refused before
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None

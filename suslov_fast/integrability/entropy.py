@@ -25,7 +25,7 @@ from .exact_maps import checked_map
 from .polynomials import determinant
 from .rational_functions import IDENTITY, RationalFunction
 
-_STEPS = 80  # the most steps of an orbit
+_STEPS = 80  # the most steps of the orbit of a contracted curve
 _DEGREES = 24  # number of degrees that are predicted
 _HIGHEST = 1_000  # the largest predicted degree that is compared with the degree on random lines
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
@@ -247,7 +247,8 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
 
 # Let s_j be the degree of the curve that the j-th iterate maps onto a contracted curve C. After k
 # more steps this curve's equation divides the pullbacks of contracted curves and the coordinates
-# of the next iterate; its powers are orders of a `Passage`. With d_0 = 1 and the map's degree d,
+# of the next iterate. The powers in which it divides them are `curve_orders` and `common_orders` of
+# a `Passage`. With d_0 = 1 and the map's degree d,
 #   s_j = deg(C) d_j - sum over curves and k of curve_orders(k) s_(j - k),
 #   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
 
@@ -256,7 +257,7 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
     """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates."""
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
-    # The unknowns are the generating functions of d, and of s for each of these curves.
+    # The unknowns are the generating functions of d, and of s for each curve in `used`.
     columns = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]]
     for k in used:
         of_curves = [*zip(*passages[k].curve_orders, strict=True)]

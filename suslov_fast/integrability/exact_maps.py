@@ -215,10 +215,10 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
         values[k] = as_function(named.get(parameter, a))
     equations, stages, starts = map._equations, list[list[Any]](), [*range(D)]
     operations, results = equations.values.operations, equations.results
-    # The last operation that needs each value.
+    # For each value, the number of the last operation that needs it.
     last = {a: k for k, (_, _, operands) in enumerate(operations) for a in _places(operands)}
     last |= dict.fromkeys(_places(results), len(operations))
-    # The values that depend on x, and the values among them from which each follows.
+    # For each value that depends on x, its operands that do so, too; {None} where a stage starts.
     sources: dict[int, set[Any]] = {a: {None} for a in starts}
 
     def value(a: Any) -> Any:

@@ -31,8 +31,8 @@ Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coeff
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
 _DEGREES = 64  # the largest sum of the degrees of numerator and denominator
-_LINES = 1024  # the most lines s + z t; T terms of one degree need 2 T lines
-SEARCHES = 4096  # the most searches modulo one prime
+_LINES = 1024  # the most lines s + z t in interpolation; T terms of one degree need 2 T lines
+SEARCHES = 4096  # the most calls of a `Search` modulo one prime
 _PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
 
 
@@ -78,7 +78,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
             coefficients = [c for row in rows for pair in row for P in pair for c in P.values()]
             known = residues[exponents]
             known.append((np.array(coefficients, object), p))
-            if len(known).bit_count() == 1:  # a power of two: trials take time
+            if len(known).bit_count() == 1:  # a power of two, as `_simplest` takes time
                 candidate = _simplest(exponents, known)
     if not residues:
         raise ArithmeticError("the iterates reach poles of the map")
@@ -100,7 +100,7 @@ def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
         if number == SEARCHES:
             raise Unknown("there are too many terms")
         rows = search(p, tuple(values))
-        if [*map(len, rows)] != lengths:  # one of the numbers is special
+        if [*map(len, rows)] != lengths:  # the numbers are special; another prime may work
             raise ZeroDivisionError
         return [a for row in rows for a in row]
 

@@ -28,10 +28,10 @@ from .polynomials import coefficient_of, degree_of, has_constant_term, sort_key,
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
 
 _TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
-_WEIGHT = 2**40  # weight of equations in a lattice
+_WEIGHT = 2**40  # weight of equations in a lattice: large, so that short vectors satisfy them
 _HIGHEST = 8  # the largest degree of functions for which limits for eps to 0 are computed
 _LETTERS = 6  # the most letters with which reducible members of a pencil are sought: more take long
-_PRODUCTS = 20_000  # the most products of generators
+_PRODUCTS = 20_000  # the most products of generators; others are left out
 
 
 class Product(NamedTuple):

@@ -22,7 +22,7 @@ from .exact_maps import checked_map, has_inverse
 from .polynomials import coprime, degree_of, homogenized, letters_in, polynomial_ring
 from .rational_functions import RationalFunction, factored, independent, quotients_of
 
-_OTHERS = 2, 1, 3, 5, 7, 4, 9  # a point of the generic level: these numbers, and the letter
+_OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of a point of a generic level; one more is a letter
 _WIDTH = 60  # the most characters of a polynomial in the text
 
 

@@ -122,7 +122,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
     return polynomials_with(rows or [], exponents, polynomials.letters_of(map.ring))
 
 
-_ORDERS = 200  # random orders of the monomials, each of which gives circuits
+_ORDERS = 200  # random orders of the monomials; each gives circuits, minimal dependent sets
 _QUOTIENTS = 4_000  # the most quotients of coefficients for which degrees are compared
 _DEGREES = 5, 11, 23  # bounds of the degrees of quotients, tried in this order
 TERMS = 300  # the most terms of a formula that is written out

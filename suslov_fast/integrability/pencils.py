@@ -59,7 +59,7 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     if len(space) != 2 or not 2 <= degree <= _HIGHEST or n < 2:
         return
     rng = random.Random(0)
-    # Generic members: reducible ones are then first + t second with finite t.
+    # Two generic members of the pencil: each reducible one is then first + t second, with finite t.
     first, second = (sum(rng.randrange(1, 100) * P for P in space) for _ in space)
     if polynomials.rank([first, second]) < 2:
         return
@@ -67,12 +67,12 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     def search(p: int, eps: Values) -> list[Any]:
         rng, residues = random.Random(p), [modulo(P, p, eps) for P in (first, second)]
         common = flint.nmod_poly([0], p)
-        for _ in range(2):  # to leave out roots that depend on the plane
+        for _ in range(2):  # two random planes: a root t of only one plane is left out
             A, B = _equations(residues, degree, p, rng)
             if A.rank() < A.ncols():  # then all members are reducible
                 return []
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))
-        # A root is multiple if the rank falls further there; each root is wanted once.
+        # Where the rank falls by more than 1, t is a multiple root; here it becomes a simple one.
         common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
         return common.coeffs() if common.degree() > 0 else []
 
@@ -93,8 +93,8 @@ def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) ->
     for _ in range(2):
         mix = flint.nmod_mat(columns, rows, [rng.randrange(p) for _ in range(columns * rows)], p)
         A, B = mix * first, mix * second
-        # det(A + t B) = 0 for t = -1 / s with eigenvalues s of the inverse of A times B. So the
-        # coefficients are the reversed ones of its characteristic polynomial, with changing signs.
+        # As a polynomial in t, det(A + t B) / det A has the coefficients of the characteristic
+        # polynomial of A**-1 B in reverse order, with alternating signs.
         backward = A.solve(B).charpoly().coeffs()[::-1]
         coefficients = [int(-c if k % 2 else c) for k, c in enumerate(backward)]
         common = common.gcd(flint.nmod_poly(coefficients, p))

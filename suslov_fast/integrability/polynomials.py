@@ -24,7 +24,7 @@ Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
 A = TypeVar("A")
 
-_LETTER = "_letter_"  # prefix of names of letters other than eps
+_LETTER = "_letter_"  # prefix that tells letters (symbolic parameters) but eps from variables x
 
 
 def _from_terms(names: Any, terms: Any) -> Any:
@@ -288,7 +288,7 @@ def cramer(system: list[list[Any]]) -> list[Any]:
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
         if pivot is None:
             raise ZeroDivisionError
-        if pivot != k:  # the determinant keeps its sign
+        if pivot != k:  # the negated row keeps the sign of det A
             system[k], system[pivot] = system[pivot], [-a for a in system[k]]
         top = system[k]
         for row in system[:k] + system[k + 1 :]:

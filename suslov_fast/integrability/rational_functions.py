@@ -37,7 +37,7 @@ class WithLetters:
 
     letters: Any  # names of the letters
     _with: Any  # the method that returns the map or function with numbers for letters
-    _may_lack_letters = False  # True for functions, which may be constant
+    _may_lack_letters = False  # True for functions: `subs` accepts one without letters
 
     @property
     def letter(self) -> str:

@@ -25,10 +25,10 @@ from .rational_functions import IDENTITY, MODULAR, RationalFunction
 from .search import Search
 from .symmetries import Reversor
 
-_WIDTH = 150  # the most characters of a polynomial in the text
+_WIDTH = 150  # characters; of a longer polynomial a report shows the degree and number of terms
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
-_ROUNDING = 1e-12  # the largest difference by rounding of two values of one entropy
-_SHOWN = 64  # sets of numbers for letters after which `progress` prints a line; later twice as many
+_ROUNDING = 1e-12  # two values of the entropy that differ by at most this are equal up to rounding
+_SHOWN = 64  # `progress` prints after 64, 128, 256, ... sets of numbers in place of letters
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
     "and densities belong to invariant measures only if the map is one to one."
@@ -52,14 +52,14 @@ class Report:
     degree: int  # the largest degree that was searched
     degrees: list[int] = dataclasses.field(default_factory=list)
     integrals: Functions = ()  # independent integrals
-    implicit: tuple[ImplicitIntegral, ...] = ()  # integrals that are independent of `integrals`
+    implicit: tuple[ImplicitIntegral, ...] = ()  # further independent integrals, without a formula
     measures: Functions = ()
     polynomials: Functions = ()
     symmetries: tuple[Reversor, ...] = ()  # reversing symmetries of a field
     planar: PlanarEntropy | None = None  # entropy of a birational map of the plane
-    level: Level | None = None  # the generic level of D - 2 integrals
-    on_level: PlanarEntropy | None = None  # entropy of the map on the generic level
-    relations: int | None = None  # the number of independent integrals that relations show
+    level: Level | None = None  # a level of D - 2 integrals, as `on_level` chooses it
+    on_level: PlanarEntropy | None = None  # entropy of the map on `level`
+    relations: int | None = None  # number of integrals that relations between monomials show
     searched: list[str] = dataclasses.field(default_factory=list)
     notes: list[str] = dataclasses.field(default_factory=list)
     finished: bool = False
@@ -166,7 +166,7 @@ class Report:
             return [f"Entropy (proved): 0, because the levels of the integrals are {levels}"]
         if planar is None:
             return []
-        # In three dimensions the entropy on the generic level is the entropy of the map.
+        # If D = 3, the level is a general one, so that its entropy is the entropy of the map.
         where = " on a level" * (D > 3)
         if planar.entropy is None:
             return [f"Entropy{where}: none, {planar.reason}"]
@@ -300,7 +300,7 @@ class _Watched(Watch):
 
     def __init__(self, search: Search, progress: Any) -> None:
         self._search, self._progress, self._start = search, progress, perf_counter()
-        self._left_out: dict[str, list[str]] = {}  # kinds of tasks by reason
+        self._left_out: dict[str, list[str]] = {}  # kinds of tasks, by why they left out functions
         letters, count = ", ".join(search.map.letters) or "none", search.unknowns(search.degree)
         self._print(f"letters {letters}; {count} monomials to degree {search.degree}")
         search.queue.at_start = self._print

@@ -26,17 +26,19 @@ from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, with
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # the most coefficients of a polynomial above the degree of the report
+_FEW = 80  # polynomials above the degree of a report are sought with at most so many coefficients
 _ENOUGH = 10  # so many iterates are enough if their degrees satisfy a recurrence
 _MOST = 40  # the most iterates for which degrees are computed
-_CHEAP = 100  # degree of an iterate up to which the next iterates take little time
-_COSTLY = 3_000  # expected degree times map length, above which a known recurrence ends the search
+_CHEAP = 100  # up to this latest degree more than _ENOUGH iterates follow: they take little time
+_COSTLY = 3_000  # expected degree times `map.length`; above it iterates end if the growth is known
 _TOO_COSTLY = 8_000  # iterates of a higher expected degree are not computed
-_TOO_LONG = 6_000  # latest degree times map length: the next degree takes 1 to 4 s (zoo, AMD EPYC)
-_SHORT = 1.0  # the most seconds of a proof before det DPhi is factored
+# If the latest degree times `map.length` is larger, no iterate follows; at this value the next one
+# takes 1 to 4 s (maps of `zoo`, AMD EPYC).
+_TOO_LONG = 6_000
+_SHORT = 1.0  # the most seconds, as estimated, of a proof that runs before det DPhi is factored
 _HIGHEST = 8  # degree of maps, up to which contracted curves are followed: for 18 it takes minutes
 _MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
-# Kinds of tasks in the order in which they run; tasks of a group run in the order of their degrees.
+# Kinds of tasks in the order in which they run; in one tuple, tasks of lower degree run first.
 _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
     ("early proofs",), ("degrees",), ("factors",), ("known cofactors", "all cofactors"),
@@ -54,7 +56,7 @@ class Task:
 
     run: Callable[[], Tasks]  # does the work, and returns the tasks that follow from its result
     kind: str
-    degree: int = 0  # of polynomials; a report lists to which degree all tasks of a kind are done
+    degree: int = 0  # of the polynomials sought; a report says to which degree each kind is done
     needed: bool = True  # False: the task runs only if `Search._is_wanted(degree)`
 
     def __str__(self) -> str:
@@ -126,7 +128,7 @@ class Known(NamedTuple):
     """Integrals, measures and Darboux polynomials that are known at some moment of a search."""
 
     integrals: tuple[RationalFunction, ...]  # independent integrals
-    implicit: tuple[ImplicitIntegral, ...]  # integrals that are independent of `integrals`
+    implicit: tuple[ImplicitIntegral, ...]  # further independent integrals, without a formula
     measures: tuple[RationalFunction, ...]  # densities
     polynomials: tuple[RationalFunction, ...]
 
@@ -143,9 +145,9 @@ class Search:
         self.symmetries: tuple[Reversor, ...] = ()
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
-        self.on_level: PlanarEntropy | None = None  # the entropy of the map on the generic level
-        self._searched_to: dict[int, int] = {}  # the degree of the latest task of each cofactor
-        self._of_relations: list[ImplicitIntegral] = []  # integrals that circuits give
+        self.on_level: PlanarEntropy | None = None  # the entropy of the map on `level`
+        self._searched_to: dict[int, int] = {}  # {value of a cofactor: degree of its latest task}
+        self._of_relations: list[ImplicitIntegral] = []  # from minimal sets of dependent monomials
         self._known: Known | None = None  # None after a change of `invariants`
         self.queue = Queue(self._first_tasks(), self._is_wanted)
 
@@ -181,7 +183,7 @@ class Search:
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials of this degree may add integrals, or replace longer ones."""
         is_small = self.unknowns(degree) <= _FEW
-        if degree > self.degree:  # sought for products of conjugate polynomials
+        if degree > self.degree:  # up to twice, for products of two conjugate polynomials
             return is_small and len(self.known.integrals) < (self.relations or 0)
         if not self.is_complete:
             return True
@@ -312,7 +314,7 @@ class Search:
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self._known = None
-        # Formulas from Darboux polynomials, which come before, are simpler.
+        # Tasks "formulas" run late, because Darboux polynomials, found before, have simpler ones.
         for integral in self._of_relations:
             if self.unknowns(integral.degree) <= linear_relations.TERMS:
                 yield Task(partial(self._write_out, integral), "formulas", integral.degree)
@@ -385,7 +387,7 @@ class Search:
             if in_factors and dimension == len(facts.elements(value, k)):
                 return []
             space = space_of(self.map, k, cofactor)
-        except ArithmeticError:  # the coefficients are too long, or a number is special
+        except ArithmeticError:  # too many terms, long coefficients, or a special random point
             return []
         if cofactor == Determinant(self.map):
             densities = (factored(P) ** -1 for P in sorted(space, key=sort_key))
@@ -422,7 +424,7 @@ class Search:
         new = self.invariants.normalize(value)
         self._known = None
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
-            if (cofactor := self.map.cofactor(P)) is not None:  # P replaces the product
+            if (cofactor := self.map.cofactor(P)) is not None:  # g is dropped for its factors
                 yield from self._add_generator(P, cofactor)
         yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 

@@ -24,9 +24,9 @@ from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
 
-DEGREES = {1: 5, 2: 5, 3: 4}  # largest degree of products of equations and monomials, by dimension
-_AFFINE = 2  # the largest dimension in which the shift b is sought; in three dimensions b = 0
-_LARGEST = 10**6  # the largest numerator and denominator of an entry of a symmetry
+DEGREES = {1: 5, 2: 5, 3: 4}  # by dimension: the largest degree of an equation times a monomial
+_AFFINE = 2  # the largest dimension in which b of S x + b is sought; in three dimensions b = 0
+_LARGEST = 10**6  # all numerators and denominators of entries of S and b must be smaller
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Itera
     n, p = unknowns.nvars(), int(unknowns.modulus())
     for degree in range(2, most + 1):
         space = arithmetic.null_space(_products(equations, unknowns, degree))
-        # Solutions at infinity are 0 in monomials of low degree. There the rank is the number of
-        # other solutions, and stays the same from one degree to the next.
+        # Vectors of solutions at infinity are 0 at monomials of low degree. In these columns the
+        # rank is the number of other solutions, and so the same for two successive degrees.
         counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to degree d
         parts = [[row[:count] for row in space] or [[0]] for count in counts]
         ranks = [flint.nmod_mat(part, p).rank() for part in parts]
@@ -168,7 +168,7 @@ def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> 
     for e in monomials[:count]:
         times_variables = [row[tuple(map(add, e, unit))] for unit in units]
         products.append(linear_form @ values[times_variables] % p)
-    # There are as many random combinations of monomials as solutions.
+    # As many random combinations of these rows as there are solutions make a square matrix.
     draws = [rng.randrange(p) for _ in range(solutions * count)]
     mix = flint.nmod_mat(solutions, count, draws, p)
     before, after = (
@@ -181,7 +181,7 @@ def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> 
     for eigenvalue, _ in matrix.charpoly().roots():
         eigenvectors = arithmetic.null_space(matrix - identity * eigenvalue)
         solution = values @ np.array(eigenvectors[0], object) % p
-        # An eigenspace of dimension 2 gives no solution; in a solution the monomial 1 is not 0.
+        # A single eigenvector is a solution times a factor: its entry for the monomial 1.
         if len(eigenvectors) == 1 and solution[0]:
             scale = pow(int(solution[0]), -1, p)
             yield [int(solution[row[unit]]) * scale % p for unit in units]

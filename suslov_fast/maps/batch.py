@@ -26,23 +26,23 @@ from .kernel_arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .kernel_calls import call_kernel
 from .problem import Problem
 
-# Work of a thread in a chunk, and cost of saving a state; the unit is a step of the 3D map.
+# Work of a thread in a chunk, and cost of saving a state; the unit is one step of the map in 3D.
 CHUNK_WORK, _SAVING = 2**26, 8.0
 # Seconds: after a chunk below _SHORT the next has twice as many steps, after one above _LONG half.
 _SHORT, _LONG = 0.02, 0.1
-# Seconds that Python takes for a step of one trajectory, per unit of cost. Up to _FEW trajectories
-# are computed one by one; larger batches fill whole blocks of lanes.
+# Seconds for a step of one trajectory if Python interprets the kernel, per unit of cost. Then up to
+# _FEW trajectories are computed one by one; larger batches fill whole blocks of lanes.
 _IN_PYTHON, _FEW = 1e-5, 6
-# Work of a chunk with orientations: the number of states times n**2.
+# The most work of a chunk with orientations, n x n matrices: the number of states times n**2.
 TURNING = 2**24
 
 # The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
 # for slower maps. After each report the states of a large batch are read from memory again.
 BETWEEN = 256
 
-Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
+Progress = bool | None | Callable[[int, int], object]  # the argument `progress` of long calls
 Report = Callable[[int], bool]  # takes the number of steps done so far; False ends the run
-_SILENT = nullcontext()  # made once, for speed in small calls
+_SILENT = nullcontext()  # the context without `progress`, made once for speed in small calls
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
@@ -59,7 +59,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
 
 @contextmanager
 def _bar(tqdm: Any, total: int) -> Iterator[Report]:
-    with tqdm(total=total, unit="", unit_scale=True) as bar:  # steps, states or trajectories
+    with tqdm(total=total, unit="", unit_scale=True) as bar:  # counts steps, states or trajectories
         yield lambda done: bar.update(done - bar.n) is not False
 
 
@@ -75,10 +75,10 @@ class StepMethod(NamedTuple):
     # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
-    # Divides the arguments of a batch; yields the indices of a group, and its arguments.
+    # Divides a batch by the operations of a step; yields the indices and arguments of each group.
     divide: Callable[[Arguments], Iterator[tuple[Any, Arguments]]] | None = None
-    # True if carry[0] is the number of the first state beyond a pole, 0 if there is none. It is
-    # negative if a component changed its sign, and positive if det A < 0.
+    # True if carry[0] has the number of each trajectory's first state beyond a pole, else 0. It is
+    # negative if a wrong sign of a component showed the pole, and positive if det A < 0 did.
     notes_poles: bool = False
     # True if a part of a step goes backwards, so that modes that decay fast look like poles.
     goes_back: bool = False

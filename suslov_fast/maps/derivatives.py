@@ -21,7 +21,7 @@ from .batch import Report
 from .kernel_arguments import ALL, by_scheme, by_zeros, flat_arrays
 from .problem import Problem
 
-# Operations of one call of a kernel, some tenths of a second; Python handles Ctrl-C in between.
+# Operations of one call of a kernel, some tenths of a second; between calls Ctrl-C is handled.
 CHUNK_WORK = 2**28
 
 
@@ -93,10 +93,10 @@ def jacobian(problem: Problem) -> FloatArray:
 class TangentGrowth(NamedTuple):
     """Statuses of orbits, and sums over their steps, from which Lyapunov exponents follow."""
 
-    sums: FloatArray  # (B, D), sums of logarithms of the growth of D orthogonal tangent vectors
+    sums: FloatArray  # (B, D) for B orbits: sums of log(growth) of D orthogonal tangent vectors
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
-    by_sign: NDArray[np.bool_]  # (B,), True if a change of sign showed a pole
+    by_sign: NDArray[np.bool_]  # (B,), True if a pole was seen by a component that changed its sign
     steps: int  # number of steps in the sums: fewer than asked for if `report` ended the run
 
 
@@ -167,7 +167,7 @@ def growth(
         carry, status[part.where], failed_at[part.where] = part.notes
         by_sign[part.where] = carry[0] < 0.0
     if not any(method.notes_poles for method in problem.map.methods.values()):
-        status = np.minimum(status, 0)  # runs of this map do not look for poles, either
+        status = np.minimum(status, 0)  # passed poles, which runs of this map do not report
     done = max(n - transient, 0)
     sums[(status < 0) | (done == 0)] = np.nan
     return TangentGrowth(sums, status, failed_at, by_sign, done)

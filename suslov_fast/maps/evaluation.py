@@ -38,7 +38,7 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
     work, length = math.prod(batch) * D**2, max(batch, default=1)
     if work <= PART or length == 1:
         return compute(problem)
-    # Divide the longest axis; parts that are still too large divide the next one.
+    # Divide the longest axis; calls for parts that are still too large divide their longest axis.
     axis = batch.index(length)
     width = max(length * PART // work, 1)
     where = [slice(0, n) for n in batch]

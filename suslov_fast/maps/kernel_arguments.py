@@ -56,7 +56,7 @@ ALL = slice(None)  # the indices of a group of all trajectories
 def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOLE) -> Any:
     """Return the kernel arguments of fields: a `Scheme`, values of terms, and eps."""
     indices, values = body._terms
-    # A single field has one row, which takes less time in small calls.
+    # For a single field the one row is made without `flat_parameter`, for speed in small calls.
     rows = flat_parameter(values, batch, 1) if body.shape else values[np.newaxis]
     return scheme_of(indices, body.dimension, stages), rows, flat_parameter(eps, batch)
 
@@ -94,7 +94,7 @@ def map_system(body: Any, _: float) -> FieldSystem:
 
 def nd_system(body: Any, eps: float) -> NDSystem:
     """Return the constants of a single body in n dimensions, for `compiled`."""
-    # A step tests its divisors if abs(eps I.x / 2) is larger than this.
+    # A step looks for divisors J_i - eps I.x / 2 near 0 if eps I.x / 2 is at least `near`.
     near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
 

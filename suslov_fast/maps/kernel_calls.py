@@ -66,5 +66,5 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
             _one_at_a_time.release()
-        except RuntimeError:  # another thread has the lock
+        except RuntimeError:  # this call did not get the lock
             pass

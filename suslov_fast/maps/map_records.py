@@ -36,9 +36,9 @@ class Discretization:
     methods: Mapping[str, StepMethod]  # methods by the argument `method`; the default is first
     # The functions of `kahan`, and the methods of the class that accept a state, by their names.
     formulas: Mapping[str, Formula]
-    stages: Stages = WHOLE  # the fractions of eps of the steps of Kahan's map in one step
-    # How a state determines the angular velocity: by Omega1 and Omega2, or by (Omega_1n, ...,
-    # Omega_n-1,n); None if states have no angular velocity.
+    stages: Stages = WHOLE  # a step consists of steps of Kahan's map by these fractions of eps
+    # The angular velocity that a state is: "axial" for (Omega1, Omega2), "in_rows" for (Omega_1n,
+    # ..., Omega_n-1,n), None if it is none.
     attitude: Literal["axial", "in_rows"] | None = None
     # eigenvalues(problem, slopes) returns the eigenvalues (..., D) of f', `slopes` (..., D, D), at
     # steady states; the `multipliers` follow from them.
@@ -61,7 +61,7 @@ _COMPOSED = (
     for order, stages in COMPOSITIONS.items()
 )
 _OWN = Discretization("Map", "Map", Map, {"auto": OWN_MAP}, {})
-# All maps, by their names. The files of bodies add the maps of bodies.
+# All maps, by their names. Modules of `bodies` add the maps of bodies.
 MAPS: dict[str, Discretization] = {each.name: each for each in (_KAHAN, *_COMPOSED, _OWN)}
 
 

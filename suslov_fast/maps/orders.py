@@ -23,7 +23,7 @@ STEPS_3D = StepMethod(
     arguments=of.by_constants,
     system=lambda body, eps: BodySystem(*(*body._constants, eps)),
     carried=steps_3d.CARRIED,
-    cost=lambda D, arguments: 2.0 if arguments[4].any() else 1.0,  # 2 with a rotor
+    cost=lambda D, arguments: 2.0 if arguments[4].any() else 1.0,  # a rotor doubles the cost
 )
 # Kahan's map of a field, or of the field of a body.
 FIELD = StepMethod(
@@ -31,7 +31,7 @@ FIELD = StepMethod(
 )
 # A map of the user, x -> f(x).
 OWN_MAP = FIELD._replace(arguments=of.by_map, system=of.map_system, divide=None, notes_poles=False)
-STEPS_ND = StepMethod(  # the map of bodies in n dimensions, in O(n) a step, with few eliminations
+STEPS_ND = StepMethod(  # bodies in n dimensions, in O(n) operations; few steps need elimination
     kernel=steps_nd.nd_steps,
     arguments=of.by_constants,
     system=of.nd_system,

@@ -14,13 +14,13 @@ class Problem(NamedTuple):
 
     map: Any  # the record of the map, see `map_records`
     body: Any
-    omega: FloatArray  # (..., D)
+    omega: FloatArray  # states (..., D)
     eps: float | FloatArray  # 0 if there is no step size
     batch: tuple[int, ...]  # the shape to which body, omega, eps and orientation broadcast
     threads: int | None = None
     name: str = "omega"  # name of the states, in messages
     method: str = "auto"
-    orientation: FloatArray | None = None  # (..., n, n)
+    orientation: FloatArray | None = None  # rotations (..., n, n) at state 0
 
 
 Where = tuple[slice, ...]  # a part of each axis of a batch

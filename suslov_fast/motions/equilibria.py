@@ -33,12 +33,12 @@ _FARTHEST = 2.0  # the largest ratio of a step to the state; above it Newton's m
 # Steps of Newton's method, divided by the state. A step below _ROUNDING is the last one; so is a
 # step that does not shrink by the factor _SHORTER after a step below _SMALL.
 _ROUNDING, _SMALL = 1e-14, 1e-8
-_LEAST = 1e-6  # sizes of components are at least this part of the largest size
+_LEAST = 1e-6  # as a unit of steps, a component counts at least this part of the largest one
 _RANK = 1e-12  # singular values of a scaled matrix that count as 0, divided by the largest one
 _WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest singular value
 _PROBE = 1e-6  # relative displacement of an equilibrium, to which Newton's method must lead back
 _COUNTED = 10_000  # the most starts for which the text of the result counts different states
-_NEUTRAL = 2.0**-48  # rounding errors of eigenvalues, divided by the largest entry of f'
+_NEUTRAL = 2.0**-48  # rates of growth up to this part of the largest entry of f' count as 0
 _ZERO = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`
 
 
@@ -336,7 +336,8 @@ class _Equations:
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300
-        size = 1.0 if is_map else size  # -1 in f' - 1: the multiplier of an integral is 0
+        # For a map `slopes` is f' - 1, in which -1 makes the multiplier of an integral 0.
+        size = 1.0 if is_map else size
         return along @ slopes @ along - size * (one - along)
 
     @cached_property
@@ -344,7 +345,7 @@ class _Equations:
         """Sizes of the terms of f (..., k): |f'| u at the given states, with u = `units`."""
         units = self.units[..., np.newaxis]
         terms: FloatArray = (abs(self.slopes(self.start)) @ units)[..., 0]
-        return np.where(np.isfinite(terms), terms, 0.0)  # if f' is infinite, f must be exactly 0
+        return np.where(np.isfinite(terms), terms, 0.0)  # at infinite f' only f = 0 counts as zero
 
     def is_zero(self, y: FloatArray) -> Any:
         """Return True where f is 0 up to rounding errors, which is so near multiple roots."""
@@ -463,7 +464,7 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
     for index in map(tuple, np.argwhere(f_is_finite & ~is_found)):
         y[index], is_found[index] = equations.member(index).by_scipy()
     leads, is_family = equations.near(y)
-    if (is_multiple := is_found & ~leads).any():  # small components may still be inaccurate
+    if (is_multiple := is_found & ~leads).any():  # `damped` corrects small components of y
         closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
         y = np.where(is_multiple[..., np.newaxis], closer, y)
         is_found = is_found & (leads | equations.is_zero(y))
@@ -476,7 +477,7 @@ def _totals(C: FloatArray) -> FloatArray:
     totals = np.zeros((k, k))
     if not C.any():
         return np.eye(k)
-    if not np.isfinite(C).all():  # because a parameter has no value
+    if not np.isfinite(C).all():  # a parameter is NaN or infinite
         return totals
     _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
     free = rows[int((values > _RANK * values[0]).sum()) :]

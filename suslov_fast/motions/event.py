@@ -121,7 +121,7 @@ class Event:
         if to in ("up", "down", "both"):
             raise wrong("to", _NEW_STATE, f"{to!r}: pass direction={to!r}")
         to = to.tolist() if isinstance(to, np.ndarray) else to
-        to = [to] if isinstance(to, (str, int, float)) else to  # one variable has one value
+        to = [to] if isinstance(to, (str, int, float)) else to  # for a field of one variable
         if isinstance(to, (tuple, list)) and all(isinstance(a, (str, int, float)) for a in to):
             to = tuple(a if isinstance(a, str) else repr(float(a)) for a in to)
         elif to is not None and not callable(to):
@@ -227,7 +227,7 @@ def _with_values(f: Any, known: dict[int, Any]) -> Any:
     Functions of the same file that the function calls become such copies, too; `known` has the
     copies by id. Anything but a Python function is returned as it is.
     """
-    f = getattr(f, "py_func", f)  # the function that Numba has compiled
+    f = getattr(f, "py_func", f)  # of a function of Numba, the Python function
     if not isinstance(f, FunctionType):
         return f
     if id(f) in known:

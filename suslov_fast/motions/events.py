@@ -23,8 +23,8 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event, traced
 
-# `starts_at_rest` evaluates a surface function at a distance of _NEAR times the size of x0. A state
-# rests if the values before and after it differ by at most _EVEN times their size.
+# `starts_at_rest` evaluates a surface function before and after x0, at _NEAR times the size of x0
+# from it. The state x0 rests if both values differ by at most _EVEN times their size.
 _NEAR, _EVEN = 2.0**-16, 2.0**-8
 
 
@@ -118,8 +118,8 @@ class Events(Result):
     _given: tuple[Event, ...] = field(default=(), compare=False)
     _by: tuple[str, ...] = ()
     _time_by: FloatArray | Any = None  # derivatives of `time` (K, C), with respect to x0 first
-    _before_by: FloatArray | Any = None  # (K, D, C)
-    _states_by: FloatArray | Any = None
+    _before_by: FloatArray | Any = None  # the same of `before` (K, D, C)
+    _states_by: FloatArray | Any = None  # the same of `states` (K, D, C)
 
     @property
     def given(self) -> tuple[Event, ...]:
@@ -218,7 +218,7 @@ def event_times_of(events: tuple[Event, ...], sign: int, batch: tuple[int, ...])
     arrays = [event.times for event in events if event.times is not None]
     if not arrays:
         return NO_EVENT_TIMES
-    first = len(events) - len(arrays)  # in the order of code, events on surfaces come first
+    first = len(events) - len(arrays)  # the compiled code numbers events on surfaces first
     if all(times.size == times.shape[-1] for times in arrays):
         return _shared_times(first, sign, *(times.tobytes() for times in arrays))
     return _event_times(first, sign, [flat_arrays(times, batch) for times in arrays])

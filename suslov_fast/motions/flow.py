@@ -179,7 +179,7 @@ def solved(
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         if report is not None or events:
-            # This takes less time than `_replace`.
+            # A new request takes less time than `_replace`.
             others = request.threads, report, event_times, request.most, request.since
             request = SolverRequest(times, request.sign, settings, *others)
         if names:
@@ -195,7 +195,8 @@ def solved(
             part = Sliding(body._field, x, batch, where, request, events)
             result, phases = part.continued(result, names, at_rest)
         if report is not None and total and not result.is_stopped:
-            report(total)  # the engine counts equal times once, and no states after an end
+            # The engine may report less: it counts equal times once, and no states after an end.
+            report(total)
     if len(times) == 1:
         last = times.reshape(())
     else:

@@ -23,13 +23,13 @@ from ..maps.kernel_calls import available
 from ..status import Status
 
 _IN_THREADS = 64  # the most trajectories that one thread takes, unless the user asks for threads
-_LONG = 30_000  # the most operations of f that compile in a short time
+_LONG = 30_000  # with more operations of f, which take over 3 s to compile, a warning says so
 _LARGE = 50  # with a dense f', LSODA is faster for more equations: measured on rate networks
 _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
 # Why digits are in doubt. FELL: a component fell below 1e-300. NO_DIGITS: the solution ends sooner
 # if the allowed errors of small components are relative to their values.
 FELL, NO_DIGITS = np.int8(1), np.int8(2)
-_FEW = 256  # a batch with at most so many numbers in its states is small
+_FEW = 256  # `solve_small_batch` first tries batches with at most so many numbers in their states
 
 
 @lru_cache(64)
@@ -62,7 +62,7 @@ class Records(NamedTuple):
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
     states: FloatArray  # (K, D), after the event
-    of_columns: Any = None  # (K, C + 2 D), see `sensitivities._of_records`
+    of_columns: Any = None  # (K, C + 2 D), for derivatives, see `sensitivities._of_records`
     # Derivatives of `time` (K, C), and of `before` and `states` (K, D, C), if they are computed.
     time_by: Any = None
     before_by: Any = None
@@ -103,7 +103,7 @@ class Rows(NamedTuple):
 
     arrays: list[FloatArray]  # arrays of rows, see `event_records`
     sign: int  # sign of time
-    starts: FloatArray  # (B, D)
+    starts: FloatArray  # initial states (B, D)
 
     def in_order(self) -> Records:
         """Return the records in order of trajectory, then time."""
@@ -111,12 +111,12 @@ class Rows(NamedTuple):
         rows = np.concatenate(self.arrays or [np.empty((0, last))])
         B = len(self.starts)
         if B > 1:
-            small = np.min_scalar_type(B)  # NumPy sorts 16 bits by digits, seven times faster
+            small = np.min_scalar_type(B)  # seven times faster in 16 bits: NumPy's radix sort
             order = np.argsort(rows[:, 0].view(np.int64).astype(small), kind="stable")
             rows = np.take(rows, order, axis=0)
         trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
         if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
-            # Several events in a step may be in another order. This sort takes many times as long.
+            # Events in one step may be out of order in time. `lexsort` takes many times as long.
             rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
         trajectory, which = rows[:, :2].view(np.int64).T.copy()
         before, states, others = (a.copy() for a in np.split(rows[:, 3:], (first - 3, last - 3), 1))
@@ -136,7 +136,7 @@ class SolverResult(NamedTuple):
     """The result of the engine for B trajectories."""
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
-    columns: dict[str, NDArray[Any]]  # of `COLUMNS`, (B,) each
+    columns: dict[str, NDArray[Any]]  # {name in `COLUMNS`: array (B,)}
     ends: Ends | None = None  # None if no trajectory ended early, was repeated or is doubtful
     records: Any = None  # `Records` or `Rows`, if there are events
     derivatives: Any = None  # (n, B, D, C), if they are asked for

@@ -113,7 +113,8 @@ class Sliding:
             part = to_tolerance(groups, field.shape, self.starts, K, self.request)
         of_part, ends = part.records.in_order(), part.all_ends
         status = ends.status
-        # No modes are consistent, or they change without end, as on two surfaces that are crossed.
+        # SLIDING: an infinite mode says that no modes are consistent, or several. Without surfaces
+        # of the user's events, events that accumulate are changes of modes.
         status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
         if not self.surfaces:
             status[status == Status.ACCUMULATES] = Status.SLIDING

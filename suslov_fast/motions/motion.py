@@ -84,8 +84,8 @@ class Motion(States):
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
     _again: NDArray[np.int8] | Any = None  # 1 where a trajectory was computed again
     _by: tuple[str, ...] = ()  # the argument `derivatives`
-    _derivatives: FloatArray | Any = None  # (n, ..., D, C), with respect to x0 first
-    _phases: FloatArray | Any = None  # `phases.rows_of`, if anything slides or rests
+    _derivatives: FloatArray | Any = None  # of states (n, ..., D, C), with respect to x0 first
+    _phases: FloatArray | Any = None  # rows of `phases.rows_of`, if anything slides or rests
     _surfaces: tuple[str, ...] = ()  # texts of the surfaces in `phases`
     # The fields of `Settings`.
     rtol: float | Any = None

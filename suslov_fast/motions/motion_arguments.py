@@ -27,7 +27,7 @@ RTOL = float("1e-9")
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
 _FEW = 64  # up to so many numbers Python finds the largest faster than NumPy
-_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of settings with a float rtol alone
+_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of `Settings` if only rtol, a float, is given
 # By status, the verb of a sentence about solutions that stop before the last time.
 CAUSES = {
     Status.ENDED: (
@@ -87,7 +87,7 @@ def checked_settings(system: Any, *given: Any) -> Settings:
     """Return `Settings` from the values of their fields, after checks; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # `_field` raises for a `Map`
     if [*map(type, given)] == _RTOL_ALONE:
-        return _settings(given, 0)  # for speed in small calls
+        return _settings(given, 0)  # cached, for speed; the dimension matters only for atol
     return _settings.__wrapped__(given, system.dimension)
 
 
@@ -202,7 +202,7 @@ def warn_of_ends(
 ) -> None:
     """Warn once of all solutions that stop before the last time, except starts at NaN."""
     t, statuses = result.all_ends.t, result.all_ends.status
-    # Where the closed form has no state, there is no time, and a warning was given before.
+    # Where a closed form gives no state, t is NaN, and a warning was given before.
     texts, exists = [], ~(np.isnan(x[:, 0]) | np.isnan(t))
     for status, text in causes.items():
         ends = exists & (statuses == int(status))

@@ -26,9 +26,9 @@ from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 _AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
 _NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
 _TURNS = 12  # the most turns of an orbit that `_one_turn` recognizes in the given period
-_SAME = 1e-6  # the largest distance between the starts of equal turns, in ranges of the orbit
-_FAR = 0.5  # distance between orbit and x0, in ranges of the orbit, that causes a warning
-_ROUGH = 1e-8  # the least tolerance of the search for a near return
+_SAME = 1e-6  # starts of equal turns differ by at most this part of the range of each component
+_FAR = 0.5  # if the orbit is further from x0, in ranges of its components, a warning says so
+_ROUGH = 1e-8  # the least rtol of the motion that is searched for a near return to x0
 _LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0
 
 
@@ -170,7 +170,7 @@ def periodic_orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
-        if not (orbit.stable or motion.is_forced):  # an attractor or a forced orbit may be far away
+        if not (orbit.stable or motion.is_forced):  # attractors, forced orbits may be far from x0
             _warn_of_distance(search, x)
     return orbit
 
@@ -220,7 +220,7 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
     moving = ~motion.drifts
     end = motion.states(x, [last])[0]
     rate = abs(field(end))[moving].max()
-    # At this rate it would move, until the time 2 `last`, by a small part of its way from x.
+    # At this rate `end` would move, until the time 2 `last`, by a small part of its way from x.
     is_at_rest = rate * last <= _AT_REST * abs(end - x)[moving].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
 

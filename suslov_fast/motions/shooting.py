@@ -28,26 +28,27 @@ from .sensitivities import with_derivatives
 
 _ROUNDS = 60  # the most steps of Newton's method
 _HALVINGS = 10  # the most halvings of a step
-# Directions with singular values below this part of the largest one, or below the residual, lead
-# along a family of orbits.
+# In Newton's equations, directions with singular values below this part of the largest one, or
+# below the residual, count as directions along a family of orbits.
 _LEAST = 1e-8
 _LONGEST = 0.3  # the longest step of log T
 _CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
 _LEAST_CHANGE = 1e-6  # the smallest relative correction of T
 _ARCS = 1, 4, 16  # numbers of arcs that are tried in this order
 _GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are tried
-# The allowed residual, divided by rtol and the growth of derivatives; and its limit for small rtol.
+# The allowed residual is _NOISE * rtol times the growth of derivatives along an arc, but at most
+# _MOST_RESIDUAL, or _NOISE * rtol if that is larger.
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
-_LEAST_SIZE = 2.0**-20  # the smallest unit of residuals, as a part of the largest size
-_ROUNDING = 2.0**-49  # rounding error of T, which matters where states change fast
-_STRONG = 1e3  # weight of the equation that keeps the phase
+_LEAST_SIZE = 2.0**-20  # least unit of components and residuals, as a part of the largest range
+_ROUNDING = 2.0**-49  # relative rounding error of T, which matters where states change fast
+_STRONG = 1e3  # weight of the equation that keeps the phase, see `keeps_phase`
 _LOOKS = 512  # number of states of a motion that are compared with its start
 _OF_FORCE = 1e-6  # largest relative difference of motions that start one period of the force apart
 _FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
 # The longest time until a near return, in units of |x / f(x)|, and how often it is halved for the
 # first search.
 _LAST, _DOUBLINGS = 2.0**16, 28
-_INSIDE = np.arange(33) / 32  # parts of the time in which the search for a return is refined
+_INSIDE = np.arange(33) / 32  # fractions of an interval at which a search for a return is refined
 # Distances from the start, in units of the extent of the orbit: the largest at which a return is
 # refined, the largest of a near return, and the least after which the motion has left the start.
 _FAR, _NEAR, _AWAY = 1.0, 0.1, 0.5
@@ -146,7 +147,7 @@ class Shooting:
         self.largest = max(largest, _LEAST_SIZE * float(self.units.max(initial=0.0)))
         gaps = np.where(np.isnan(self.gaps), np.inf, abs(self.gaps))
         self.residual = float(gaps.max(initial=0.0) / self.largest)
-        self.distance = float(np.linalg.norm(gaps / self.units))  # a short enough step reduces it
+        self.distance = float(np.linalg.norm(gaps / self.units))  # short Newton steps reduce it
 
     @property
     def growth(self) -> float:

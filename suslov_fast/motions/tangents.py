@@ -46,8 +46,8 @@ _OF_ALL = 2.0**-6  # each column at time 0: an eigenvector plus this part of all
 # entry, or at most _NO_DIGITS: rounding errors in an event leave so much of a column of length 1.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
-# After _FEW segments within _PART of the time, up to _LARGEST_FRAME tangent vectors become an
-# orthonormal frame V. After each further segment, entries of V^T V - 1 are at most _OFF `rtol`.
+# After _FEW segments within the first _PART of the time, at most _LARGEST_FRAME tangent vectors
+# become an orthonormal frame V. Later, entries of V^T V - 1 are at most _OFF times rtol.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
 # With events, _LESS shortens the transient, and the time is cut at its part _FIRST before it is cut
 # into segments. A segment should not end just after an event, because the next one begins without
@@ -145,7 +145,7 @@ class _Run:
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
-        self.is_first = self.acts = True  # see `_repeat`
+        self.is_first = self.acts = True  # `is_first` until an alarm, `acts` until the second one
         self.begin()
 
     def begin(self) -> None:
@@ -238,7 +238,8 @@ class _Run:
         is_changed, passed = self._changes_of(engine, K)
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
-        matters = lives.copy()  # the last growth follows from the trace of f', unless an event acts
+        # The growth of the last column follows from the trace of f', unless an event acts.
+        matters = lives.copy()
         matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)

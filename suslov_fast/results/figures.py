@@ -24,11 +24,11 @@ except ImportError:
 __all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
-_MANY = 100_000  # the most states that are joined by default, and that are vectors in PDF files
+_MANY = 100_000  # more states are not joined by lines by default, and are pixels in PDF files
 _ALONE = 64  # the most orbits that have a line each
 _IN_LEGEND = 8  # the most orbits in a legend
 _STYLES = "-", "--", ":", "-."  # styles of lines, for values of a second parameter
-_SIZES = {200: 6, 2000: 4}  # sizes of dots, by the most states that have them
+_SIZES = {200: 6, 2000: 4}  # sizes of dots, by the most states that have them; else 2
 _TIME = -1  # stands for time in place of the index of a component
 
 
@@ -72,7 +72,7 @@ def plot_run(
     dots = {"linestyle": "none", "marker": ".", "markersize": size}
     style: dict[str, Any] = {"linewidth": 0.7} if lines else dots
     second, values = _second(run, name) if numbers is not None else ("", ())
-    gaps = np.full((1, B, len(chosen)), np.nan)  # between orbits of one colour
+    gaps = np.full((1, B, len(chosen)), np.nan)  # interrupt the line through orbits of one colour
     joined = np.concatenate([states, gaps]).swapaxes(0, 1)
     # Many orbits of about the same colour are one line, because thousands of lines take minutes.
     groups = np.arange(B)

@@ -43,7 +43,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     names = *["eps"] * (map is not None), *(column.name for column in OF_KIND[kind])
     values = {name: value_of(result, name) for name in names}
     arrays = {k: a for k, a in values.items() if k == "eps" or isinstance(a, np.ndarray)}
-    about["entries"] = [*arrays]  # because some columns are optional, and one may get lost
+    about["entries"] = [*arrays]  # so that `load` misses no column: some are optional
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:

@@ -61,7 +61,7 @@ def _arguments_of(result: Any) -> dict[str, Any]:
     """Return the arguments of a run as attributes of a dataset."""
     arguments = {name: getattr(result, name) for name in ARGUMENTS[type(result).__name__]}
     return {
-        # NetCDF has no truth values, and JSON no tuples.
+        # Attributes cannot be truth values in NetCDF, nor tuples in JSON, which Zarr writes.
         name: {bool: int, tuple: list}.get(type(value), lambda same: same)(value)
         for name, value in arguments.items()
         if not isinstance(value, np.ndarray) and value not in (None, ())

@@ -143,8 +143,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
     offsets = elapsed.offsets
-    # The argument of a table is p + q. The shift q stays in it if q depends on a branch, as in
-    # t - 24 floor(t / 24), or on the parameters `by`.
+    # An argument of a table is p + q, with q constant along a step (`explicit_time`). In `shifted`
+    # q depends on parameters alone, but not on those in `by`, and shifts the knots. Any other q
+    # stays in the argument, as -24 floor(t / 24) in t - 24 floor(t / 24).
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in elapsed.shifts.items() if q in rigid}
     events = event_set_of(actions, D, P, by, twice) if actions else None
@@ -180,7 +181,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     evaluated = [*of_branches, *(new[a] for a in of_events), *shifts]
     given_to = {"surfaces": evaluated, "jumps": len(jumps), "kept": range(D, given)}
     f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
-    # A rate that depends on branches is not steady: it is constant along a step, not the motion.
+    # A rate that depends on branches is constant along a step of f, but not along the motion. So
+    # the steady components are those of f before its branches became parameters.
     plain = RightHandSide(values, results, P)
     f.steady, f.clocks = plain.steady, plain.clocks
     f.events, f.offsets, f.branches = events, offsets, branches
@@ -245,7 +247,7 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
             continue
         kind, choice, jumps = surfaces[number]
         if is_table(kind):
-            if number in shifted:  # its branch is the interval of p, low - q to high - q
+            if number in shifted:  # its branch is an interval of p: from low - q to high - q
                 p, q = shifted[number]
                 of, others = [new.get(p, p)], [old.get(p, p)]
                 shifts[number] = new.get(q, q)

@@ -42,14 +42,14 @@ from .values import larger, operand_of, smaller
 POINTS = 0.23, 0.49, 0.76, 1.0
 _FRACTIONS, MIDDLE = (0.0, *POINTS), 2
 ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
-# e is OF_FOURTH times the fourth divided difference of s, and at least OF_THIRD times the third,
-# because the fourth may be 0 by chance.
+# The error e of s (above) is OF_FOURTH times the fourth divided difference of s, and at least
+# OF_THIRD times the third, because the fourth may be 0 by chance.
 OF_FOURTH = 16.0 * prod(abs(POINTS[1] - u) for u in _FRACTIONS if u != POINTS[1])
 OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
-# A hump is narrow if the straight line through two rates misses the rate at a neighbour by STRAIGHT
-# times the difference of the two rates. A rate is 0 up to OF_TERMS times its terms, plus the change
-# of s by relative errors OF_STATES + rtol of the state.
+# A hump of s between two points is narrow if the straight line through the rates ds/du there misses
+# the rate at a neighbouring point by STRAIGHT times the difference of both rates. A rate counts as
+# 0 up to OF_TERMS times its terms, plus the change of s by relative errors OF_STATES + rtol of x.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES
 
@@ -89,7 +89,8 @@ def double_crossings_of(f, surfaces):
     tested = [
         (k, a, surface)
         for k, (a, surface) in enumerate(zip(f.watched.results, surfaces, strict=True))
-        # A step crosses surfaces linear in clocks once at most. Equalities are true there alone.
+        # A step crosses surfaces linear in clocks once at most. Equalities (oeq) are true on their
+        # surfaces alone, so that crossings do not change them.
         if not (isinstance(a, float) or a in degrees or surface.kind == "oeq")
     ]
     if not tested:

@@ -100,7 +100,7 @@ class Expressions(Values):
 
     def emit(self, instruction, *operands):
         """Return the number of the value of an operation, or a constant if it is constant."""
-        # Constants as texts: the constant 1.0 equals the number 1 of a value, and 0.0 equals -0.0.
+        # In keys constants are texts: else 1.0 would equal the number 1 of a value, and 0.0 -0.0.
         key = instruction, *operands
         if float in map(type, operands):
             key = instruction, *(repr(a) if type(a) is float else a for a in operands)

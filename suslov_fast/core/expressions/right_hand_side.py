@@ -241,7 +241,7 @@ def _common_factors(instruction, operands, factors, D):
         return of[-2] & of[-1]
     if instruction in ("fdiv", "fabs"):
         return of[0]
-    if instruction == "pow":  # with a smaller power, a solution may leave 0
+    if instruction == "pow":  # with a power below 1, a solution may leave 0
         return of[0] if isinstance(operands[1], float) and operands[1] >= 1.0 else 0
     record = RECORDS.get(instruction)
     return of[0] if record and record.is_0_at_0 else 0

@@ -25,9 +25,9 @@ from .values import Number, joined, operand_of
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
-ON = 2.0**-44  # a state is on the surface if |s| is at most ON times the terms of s
-NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times the terms of s
-BARELY = 2.0**-24  # ds/dt is rounding below BARELY times ds/dt on the other side of the surface
+ON = 2.0**-44  # a state is on a surface s = 0 if |s| <= ON times the moduli of the terms of s
+NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times these moduli
+BARELY = 2.0**-24  # up to BARELY times ds/dt on the other side of a surface, ds/dt is rounding
 # The most modes of one f, and the most modes times pairs (a, b), also a = b, where mode b changes
 # the rate of mode a: 5 modes that change all rates, or 12 that change their own rates alone. The
 # time to compile grows with this product.
@@ -122,7 +122,7 @@ class _Rates:
             if kind == "fdiv":
                 [c] = renamed(factors, new)
                 new[number] = emit("fmul", c, folded(emit, "select", (is_above, sign, -sign)))
-            elif kind == "fabs":  # the modulus is 0 on the surface
+            elif kind == "fabs":  # |s| is the mode times s, so 0 on the surface
                 modulus = emit("fmul", sign, emit("fmul", self.D + g, of[0]))
                 modulus = emit("max", modulus, 0.0) if self.has_gaps else modulus
                 new[number] = 0.0 if g in sides else modulus
@@ -201,7 +201,8 @@ class SlidingEquations(_Rates):
         if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
-            # ds/dt of a body that leaves its rest is rounding. So `holds` sets its side.
+            # ds/dt of a body that leaves its rest is rounding. So `holds`, not ds/dt, says on which
+            # side of the surface it is.
             action = action._replace(most=inf, holds=int(action.direction < 0))
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
@@ -220,7 +221,7 @@ class SlidingEquations(_Rates):
         surface = slides.select(w * (1.0 - w), mode * s)
         x = [*range(self.D + self.size)]
         x[place] = slides.select((w > 0.5).select(1.0, -1.0), mode).number
-        # Other modes may end with mode g.
+        # Modes of surfaces whose ds/dt depends on mode g may end with it: they are decided, too.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [g, *others, g] if others else [g], at=g)
         # A state that begins to slide is moved onto the surface: errors of s would grow with time.
@@ -369,6 +370,6 @@ def _comparisons_in(values, program):
                 break
         if isinstance(a, float) or (not isinstance(b, float) and b < a):
             a, b, sign = b, a, -sign
-        key = repr((a, b))  # the constant 1.0 equals the number 1 of a value
+        key = repr((a, b))  # a text, because the constant 1.0 would equal the number 1 of a value
         comparisons[number], pairs[key] = (key, name, sign), (a, b)
     return comparisons, pairs

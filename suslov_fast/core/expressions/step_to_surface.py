@@ -14,7 +14,7 @@ from .programs import Expressions, emitted, program_of
 from .rounding import sizes_of
 from .values import larger, operand_of, smaller
 
-SOONER = 2.0**-22  # factor of the time to a surface if rounding makes the sign of s uncertain
+SOONER = 2.0**-22  # factor of the time to s = 0 where rounding makes the sign of s uncertain
 
 
 def aim_of(f, surfaces, is_implicit):
@@ -54,7 +54,7 @@ def aim_of(f, surfaces, is_implicit):
             ends = [(s, number(new[surface.number]) > 0.5)]
         for value, is_above in ends:
             is_beyond = (value >= 0.0) ^ is_above
-            if is_event and f.events.gaps[surface.number]:  # the ends of a gap are no crossings
+            if is_event and f.events.gaps[surface.number]:  # s may lack a value: no crossing there
                 was_known, is_known = ~above.equals(GAP), value.equals(value)
                 since = (was_known ^ is_known).select(inf, since)
                 is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)

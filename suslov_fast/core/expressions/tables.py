@@ -11,7 +11,7 @@ import numpy as np
 
 from ..cached import cached_property
 
-# An infinite argument lies beyond all knots; a product of the slope 0 with it would be NaN.
+# The modulus in place of infinity: beyond all knots the slope may be 0, and 0 * infinity is NaN.
 LARGEST = float(np.finfo(float).max)
 
 

@@ -8,7 +8,7 @@ from .dense_product import along
 from .programs import Expressions, Program, dot, emitted, united
 from .right_hand_side import RightHandSide
 
-# Surfaces, branches and events depend on x alone.
+# Attributes that are the same as those of f, because they depend on x alone, not on the columns.
 _OF_X = (
     "clocks steady of_one_sign branches branch_program watch watched double_crossings aim events "
     "offsets derived longest"
@@ -46,7 +46,7 @@ class Variational(RightHandSide):
             v = {j: first + j for j in range(D)}
             changes, _ = along(values.emit, f.products, rows, v, totals)
             rates += [0.0 if a is None else a for a in changes]
-        if has_trace:  # with products of dense matrices, s stays 0
+        if has_trace:  # s' = u trace f', or 0 if f has products of matrices
             diagonal = [row[i] for i, row in enumerate(rows) if i in row and not f.products]
             rates += [0.0, dot(values.emit, [(n - 2, a) for a in diagonal]) or 0.0]
         super().__init__(values, rates, P, kept=table)

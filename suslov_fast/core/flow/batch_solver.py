@@ -23,7 +23,7 @@ from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 from .tolerance import floors_of
 
-WIDTH = 8  # lanes of a line
+WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
 BLOCK = 1024  # trajectories that one thread takes at a time
 BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 LEAST_RTOL = 1e-13
@@ -49,7 +49,7 @@ class Settings(NamedTuple):
 
 def closer(settings):
     """Return the `Settings` with which trajectories are computed again after an alarm."""
-    part = 16.0 if settings.rtol > 1e-8 else 4.0  # errors grow; a loose rtol leaves few digits
+    part = 16.0 if settings.rtol > 1e-8 else 4.0  # more, if a loose rtol leaves few digits
     return settings._replace(rtol=max(settings.rtol / part, LEAST_RTOL))
 
 
@@ -162,7 +162,7 @@ def counted_from_start(f, table, x0):
     if not np.count_nonzero(starts):
         return table, x0, None
     own, x0 = f.of, x0.copy()
-    count = own.P if f.branches is None else f.branches.P  # branches have the next places
+    count = own.P if f.branches is None else f.branches.P  # places from `count` on: branches
     if f is own and len(x0) == 1:  # NumPy would take ten times as long
         given = np.zeros(own.P)
         given[:count] = table.ravel()[:count]
@@ -272,7 +272,7 @@ class BatchSolver:
         if self.begins_lost:
             lost, D = self.lost[block], self.lost.shape[1]
             lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
-            # Derivatives of a component are RELATIVE if it is; else their `lost` begins at 0.
+            # Columns of a RELATIVE component (`lost` < 0) are, too; `lost` of others begins at 0.
             of_all = np.hstack([lost, *[np.minimum(lost, 0.0)] * self.f.columns])
             found[:, rows.lost : rows.lost + of_all.shape[1]] = of_all
             found[:, rows.watches] = lost.max(axis=1, initial=0.0)

@@ -22,11 +22,11 @@ from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
 from .weights import EXPLICIT, ORDER, weights
 
-# The largest error of the polynomial is OF_DEFECT times its defect at the points v of TESTS. FEW
-# columns give its nodes; one column more is used if the error of FEW columns in the whole step is
-# above OF_FEW allowed errors. At times in the first or last part AT_END of a step p is accurate.
+# The largest error of the polynomial p is OF_DEFECT times its defect at TESTS, in quarters of the
+# step. FEW columns give its nodes x_j; one column more is used if FEW columns have an error above
+# OF_FEW allowed errors in the whole step. In the first and last part AT_END p needs no test.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
-# Weights of FEW columns, and of one more; other columns have the weight 0.
+# Two sets of weights: for the first FEW columns, and for FEW + 1; all other columns have weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
 _NODES = range(5)
 _SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]

@@ -25,10 +25,10 @@ from .step_length import AT_FIRST, first_length, sizes_of
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
 LOW = 2.0**-44  # a sum is rounding if it is below LOW times the moduli of its terms
-SOON = 2.0**-20  # ds/dt is slow if in SOON times the last time s changes by rounding at most
+SOON = 2.0**-20  # ds/dt is too slow to decide a side if s changes by rounding in SOON * last time
 LEAST = 2.0**-1074  # the least positive number
-MOMENT = 2.0**-16  # part of the last step: rates are compared with rates this much later
-STAYS = 0.25  # the number in the row `side` (else 0 or 1) of a state that stays on the surface
+MOMENT = 2.0**-16  # part of the last step: ds/dt after events is compared with ds/dt so much later
+STAYS = 0.25  # a mark in the row `side` (else 0, 1 or `GAP`): the state stays on the surface
 FASTER = 4.0  # the next step is shorter if an action makes f more than FASTER times as large
 
 
@@ -107,7 +107,7 @@ def CROSSED(
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
     here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
-    # If `EventAction.holds` is 2, the rate alone changes no side: s must also pass the level.
+    # With `EventAction.holds` 2, a rate alone changes no side: s must also have passed `level`.
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))

@@ -36,11 +36,11 @@ LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 # The next surface may be as near as this one. So the step after a step to a surface is at most
 # AFTER_THIS times as long, or AFTER_WHOLE times its length without this limit. Without it,
-# x" = -sign(x) to t = 1e5 takes 12 tries a jump, with 64 it takes 9. But 6,000 random knots take
-# 1 % more time with 64, and 8 % with 8.
+# x" = -sign(x) to t = 1e5 takes 12 tries a jump, with AFTER_THIS = 64 it takes 9. But a table of
+# 6,000 random knots takes 1 % more time with 64, and 8 % with 8.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
 OF_WAVES = 0.9  # length of the next step, as a part of the longest step that waves allow
-BESIDE = 2.0**-12  # part of a step: the distance of two states whose difference gives dx/du
+BESIDE = 2.0**-12  # difference of two fractions u of a step, whose states give dx/du
 ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
 
 
@@ -117,7 +117,7 @@ def CROSSES(
     accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
     is_crossed = searched.select(larger(crosses, twice), starts) > 0.0
     has_waves = (waves > 1.0) & is_long & ~searched
-    shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # the error `e` is of order 4
+    shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # `hidden` is of order 4 in h
     return {
         "crosses": is_crossed & (taken > 0.0) & (total < inf),
         "is_close": searched & ((taken - inner <= accuracy) | (since <= accuracy)),
@@ -150,9 +150,9 @@ def OUTCOME(
         "cuts": cuts,  # it crosses a surface, and ends beyond it: a shorter step is next
         "holds": holds,  # it does not reach the surface that is sought: a longer step is next
         "again": again,  # it may hide crossings: a shorter step is next
-        "refused": refused,  # for one of these reasons
+        "refused": refused,  # for one of the three reasons above
         "ends": ends,  # the solution ends where the step began: f has no value beyond s = 0
-        "lands": lands,  # a step aside ends on a surface, and moves the state
+        "lands": lands,  # a step aside ends on a surface: only such a step aside moves the state
         "moves": moves,
         "at_surface": (moves & (crosses | arrives)).select(1.0, 0.0),
         "serves": (cuts | again | lands).select(0.0, served),
@@ -175,7 +175,8 @@ def SEARCH(
     part = cuts.select((of_place - inner) / (outer - inner), part)
 
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
-    starts_on = cuts & (inner <= 0.0) & (part < LEAST_PART)  # after a jump no straight line fits
+    # If the crossing lies at the start of the step, as after a jump, no straight line fits: bisect.
+    starts_on = cuts & (inner <= 0.0) & (part < LEAST_PART)
     part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
     part, width = starts_on.select(0.5, part), outer - inner
     of_inner = (weight >= 1.0).select(heavier, 1.0)

@@ -30,7 +30,8 @@ from .weights import EXPLICIT
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
 # saves branches, but longer code would not fit its cache.
 SHORT = 25
-# Numbers N of the columns that each lane takes in turn: (10,), (8, 2), (6, 4), and once more (10,).
+# The columns that each lane takes in turn, by their numbers N of sub-steps, 10 in each lane: (10,),
+# (8, 2), (6, 4). A fourth lane repeats (10,), to fill the register.
 _LAST, *_PAIRED = sorted(EXPLICIT, reverse=True)
 _PAIRS = [(N, _LAST - N) for N in _PAIRED if 2 * N >= _LAST]
 IN_LANES = (_LAST,), *_PAIRS, *[(_LAST,)] * (-(1 + len(_PAIRS)) % 4)

@@ -29,22 +29,23 @@ from ..llvm.text import Carried
 from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
-RELATIVE = -1.0  # the number in the row `lost` of a component with relative digits
-LATER = 1.001  # two ends may be at the same pole if the ratio of their times is at most this
-# The least exponents a h of growth that count. NEXT, in implicit steps: the next step may be four
-# times as long. LONG, in explicit steps: they lose (a h / MOST)**10 = 1e-6 of the growth exp(a h).
+RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to the component's value
+LATER = 1.001  # two tries may end at the same pole if the ratio of the times is at most this
+# The least exponents a h of growth exp(a h) in a step of length h that count. NEXT, in implicit
+# steps: the next step may be four times as long. LONG, in explicit steps: at this exponent they
+# lose (a h / MOST)**10 = 1e-6 of the growth.
 NEXT, LONG, MOST = 0.25, 2.0, 8.0
-# In each of at most ROUNDS rounds, trial values of components that do not grow are multiplied by
-# LESS, in the second half by LITTLE_LESS, to stop near values with which all components grow.
+# In each of at most ROUNDS rounds, trial values u_i of components that do not grow are multiplied
+# by LESS, in later rounds by LITTLE_LESS, to stop near values with which all components grow.
 LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
 # Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
-# errors is alarming; PART of it is a reason to look at f. A component is small below SMALL of
+# errors is alarming; PART of it is a reason to evaluate f. A component is small below SMALL of
 # its largest value. Errors of a component that may change its sign count LOOSE times less, because
-# errors are large where it passes 0: with 1 in place of 2.5, 58 of 256 orbits of Van der Pol's
+# errors are large where it passes 0: with LOOSE = 1, 58 of 256 orbits of Van der Pol's
 # equation (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
 MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
 SOME, OF_IMPLICIT = 1.6e-3, 0.125  # factors of the least error that costs digits, see `some_of`
-DEEP = 5e-4  # with a relative error above this, or 100 rtol, a component of one sign has no digits
+DEEP = 5e-4  # with a relative error above this and 100 rtol, a component of one sign has no digits
 UNDERFLOW = 2.0**-990
 
 

@@ -28,7 +28,7 @@ for _name in ("ENDED", "SLIDING", "STOPPED", "ACCUMULATES"):
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
-_ALL, _WITHOUT = 3, 4  # numbers of the tries in which all, and no, components have relative digits
+_ALL, _WITHOUT = 3, 4  # the tries with all components, or none, RELATIVE in `lost`
 OF_ANOTHER = -128  # returned as a status if the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
@@ -243,7 +243,7 @@ def motion_of_one(system, x0, out, memory):
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
-        # Compute the motion again, as in `integration`; without relative digits if it ended early.
+        # Compute the motion again, as in `integration`; if it ended early, none is RELATIVE.
         tries, end, before = _WITHOUT if has_ended else tries + 1, x[plan[PLAN.t]], state
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:

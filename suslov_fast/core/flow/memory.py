@@ -38,7 +38,7 @@ def rows_of_trajectory(integrator):
         f=D + len(f.denominators),  # f(x), then denominators that may not change sign
         largest=D,  # the largest modulus of each component so far
         power_vector=D,  # the vector of the power iteration on f'
-        lost=D,  # relative errors of components, or RELATIVE, see `growing_components`
+        lost=D,  # relative error of each component, or the mark RELATIVE, see `growing_components`
         beyond=watched,  # the state after a step of length `outer`, beyond a surface
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row branches of f changed at once
@@ -66,7 +66,7 @@ def rows_of_trajectory(integrator):
         second=1,  # modulus of the requested time after `next`
         state=1,  # a `LaneState`
         stiff=1,  # steps of an explicit lane that look stiff
-        easy=1,  # steps in a row that do not look stiff
+        easy=1,  # steps in a row that do not look stiff or, implicit, could be explicit
         patience=1,  # number of stiff steps after which a lane becomes implicit
         trial=1,  # number of steps that are left of the trial of implicit steps
         steps=1,  # number of accepted steps
@@ -99,7 +99,7 @@ def rows_of_work(integrator):
         b=extended,  # a second state of a column, or f at the state in `a`
         f_last=extended,  # f at y_N of the last column
         ends=of_ends,  # y_c - x, with the ends y_c of columns
-        # Sums that show false steps: one for each explicit column, or one for all implicit columns.
+        # Sums that show steps to a false end: one for each explicit column, or one if implicit.
         apart=D if is_implicit else of_ends,
         # States after the first three quarters of an explicit step, with f. In an implicit step:
         # the states minus x, then the sums over columns that become these states.
@@ -127,7 +127,7 @@ def rows_of_work(integrator):
         # Values of surfaces at the start and at POINTS, then inputs of `double_crossings`.
         points=integrator.at_points + watched + 1,
         point=watched,  # the state at one of the POINTS
-        quartic=of_x.D if watched else 0,  # coefficients of degree 4 inside a step (`QUARTIC`)
+        quartic=of_x.D if watched else 0,  # terms of degree 4 of states in a step (`QUARTIC`)
         moving=2 * watched + 1,  # inputs of `rates`: state at a point, its change in a step, rtol
         decision=3,  # results of `DoubleCrossings.decision`
         end=2 * (watched + surfaces),  # inputs of `aim`: the next state, f there, sides of events
@@ -151,7 +151,7 @@ def rows_of_work(integrator):
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of a surface
-        tau=acts * D // of_x.D,  # for each column: how much earlier a displaced solution is here
+        tau=acts * D // of_x.D,  # for each column: how much earlier its solution meets the event
         lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
         scratch=max(each.scratch for each in integrator.functions.values())
         * (4 if f.products else 1),

@@ -33,11 +33,11 @@ BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# Allowed errors per change of h f: GROWS[is_implicit] at the ends, OF_NOISE at all points. The
-# weights of columns make noise of f larger, implicit ones 16 times as much as explicit ones.
+# An allowed error is a change of h f times GROWS[is_implicit] (ends of the step), or times OF_NOISE
+# (all points). Weights of columns enlarge noise of f, implicit ones 16 times as much as explicit.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
-SHORTENS = 0.05  # a `ratio` above this number makes the next step shorter
-TINY_STEP = 2.0**-40  # part of the time: a step up to this length is short
+SHORTENS = 0.05  # an error above this part of the allowed error may make the next step shorter
+TINY_STEP = 2.0**-40  # part of the time: in a step up to this length, sub-steps are mostly rounding
 
 
 @scalar_kernel
@@ -110,7 +110,7 @@ def try_again(code, sums):
     is_finite = sums["total"] < inf
     refused = tried = refused & is_finite & again
     if not integrator.has_atol:
-        # Every eighth step is due, and each step after a second trial.
+        # An accepted step may have a trial, too: every eighth step, and each step after a trial.
         eighth, ratio = line.steps[0] * 0.125, sums["ratio"]
         is_due = eighth.floor().equals(eighth) | line.longer[0].equals(AFTER_TRIAL)
         is_noisy = is_due & (ratio > SHORTENS) & (sums["large"] < ratio)
@@ -138,7 +138,7 @@ def try_again(code, sums):
             now = code.apply(SECOND, i, **inputs, **vars(found))
             work.inverse.choose(tried, i, now.pop("inverse"))
             found.update(now)
-        # If rounding decides, equations do not count as stiff: rates are 0.
+        # If rounding decides, the step does not count as stiff: `rates`, which show |mu|, become 0.
         counts = refused | tried & (found.of_length < sums["ratio"])
         after = {"ratio": found.ratio, "of_length": found.of_length, "apart": found.of_apart}
         after |= {"on_trial": 1.0, "rates": 0.0}

@@ -101,7 +101,7 @@ def _estimate_errors(code, kept, sizes):
         errors["apart"] = find_apart_at_end(code, errors)
     if integrator.sets:
         errors |= tolerance.differences_of_sets(code)
-    # `on_trial` is 1 after a second trial; `of_length` is the ratio for the next length.
+    # `on_trial` is 1 after a second trial; `of_length` is the ratio that gives the next length.
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
     errors |= second_trial.try_again(code, errors)
     return errors | {"kept": kept, "taken": work.taken[0]}

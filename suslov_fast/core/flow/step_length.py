@@ -27,23 +27,24 @@ from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 from .weights import ORDER
 
-# Factors of step lengths. AFTER_TRIAL differs from LONGER: it marks the step after a second trial.
-# OF_NAN has many digits, so that steps do not meet a time without a value of f twice.
+# Factors from a length to the next: that of the error times SAFETY, at least SHORTER, at most
+# LONGER (or AT_FIRST, AFTER_REFUSED; AFTER_TRIAL also marks a step after a second trial). OF_NAN
+# follows a step in which f has no value; its many digits avoid that a step meets this time again.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # a step of at least REACH times the time that is left reaches the last time
 SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
-# MOST_APART allowed errors bound the sum that shows false steps: 30 would refuse some true steps,
-# and 100 accept more false steps. OF_APART is the factor of the length after such a refusal.
+# A step is false if the sum that shows it is above MOST_APART allowed errors: 30 would refuse some
+# true steps, 100 would accept more false ones. OF_APART is the factor to the next, shorter, length.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # the most steps between two requested times
-# A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps end this count.
+# A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps clear this count.
 # Its first TRIAL implicit steps are a trial. It becomes explicit after EASY steps that explicit
 # steps could do as well. MOST_PATIENCE is the largest patience.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
-# A false step counts as OF_FALSE steps that look stiff. An accepted step with a sum above BOUNCES
+# A false step counts as OF_FALSE steps that look stiff. An accepted step with `apart` above BOUNCES
 # counts as OF_BOUNCE: it may bounce between both sides of a layer, where f looks flat.
 OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 

@@ -22,7 +22,7 @@ SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**
 # An error may be noise if it is less than NOISY times the largest component.
 NOISY = 2.0**-48
 CAUTION = 4.0  # factor of the error estimate of `stormer`
-# Inputs that are TINY for a component with relative digits.
+# Inputs of kernels that allow absolute errors: they are TINY for a component RELATIVE in `lost`.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
 

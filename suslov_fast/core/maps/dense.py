@@ -46,9 +46,9 @@ class Memory(NamedTuple):
     a: Any  # (parts, lanes, D, D + 1)
     columns: Any  # (parts, lanes, D + 1, D)
     bases: Any  # (parts, lanes, D), the states before a step
-    halves: Any  # (parts, stages, 1 or lanes, T), h v of the terms
+    halves: Any  # (parts, stages, 1 or lanes, T), half the eps of a stage times v of the terms
     coefficients: Any  # (parts, stages, 1 or lanes, T), `halves` in the order of runs
-    of_one: Any  # (parts, D (D + 3)), for `solve_at`
+    of_one: Any  # (parts, D (D + 3)), memory of `solve_at`
 
 
 @functools.lru_cache(8)
@@ -137,7 +137,7 @@ def solve_rows(a):
     The solution replaces the right side. Return True if it keeps its digits, because no pivot is
     relatively small, and True if det A < 0.
     """
-    D = len(a)  # a row stays in the first cache; unsigned j makes the loops of a row SIMD
+    D = len(a)  # rows one by one, each in the first cache; loops over unsigned j are SIMD
     least, largest, negative = np.inf, 1.0, False
     for i in range(D):
         largest = simd_max(abs(a[i, i]), largest)

@@ -12,8 +12,8 @@ from ..llvm.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Tru
 from ..numba.status_codes import CHANGED, NONFINITE
 from .stage_code import Stage, loader
 
-WIDTH = 8  # lanes of a line
-NOT_READY, DONE = range(2)  # results of the code
+WIDTH = 8  # lanes of a line, which is a SIMD pack
+NOT_READY, DONE = range(2)  # what the code of `text_of_steps` returns
 
 
 class DriverArguments(NamedTuple):
@@ -23,30 +23,30 @@ class DriverArguments(NamedTuple):
     lines: int
     block: int  # lines of a block, which takes all steps before the next block begins
     steps: int  # number of stages in all steps
-    plan: int  # address of the addresses of tables of stages, each (n,) or (lines, n, W)
+    plan: int  # address of an array: for each stage the address of its table of constants
     stages: int
     first_row: int = 0  # address of the first saved states
     row_bytes: int = 0  # bytes from one saved row to the next
-    first_until: int = 0  # steps before the step that makes the first saved state
-    between: int = 0  # steps from one saved state to the next, minus 1
+    first_until: int = 0  # stages before the stage that makes the first saved state
+    between: int = 0  # stages from one saved state to the next, minus 1
     trajectories: int = 0
-    ended: int = 0  # address of bits of lanes (lines,) that have ended
-    passed: int = 0  # address of bits of lanes that have passed a pole or ended
-    status: int = 0  # address of the statuses (i8), which only steps of a `Map` write; else 0
-    failed_at: int = 0  # address of `failed_at`, which only steps of a `Map` write; else 0
+    ended: int = 0  # address of bytes (lines,), with a bit for each lane that has ended
+    passed: int = 0  # the same for lanes that have passed a pole or ended
+    status: int = 0  # address of statuses (i8), written only by steps of a `Map`; 0 if none is kept
+    failed_at: int = 0  # address of `failed_at`, as for `status`
     first: int = 0  # number of the state after the first step
     pivoting_step: int = 0  # address of `pivoting.pivoting_step`, 0 if it is not ready
     pivoting_arguments: int = 0  # address of the arguments of `pivoting_step`
     # The place in the loops: the code returns when the budget is spent, and continues from there.
     budget: int = 0  # calls of `pivoting_step` that are left
-    line: int = 0  # the first line of a block
-    n: int = 0  # the next step
-    stage: int = 0  # number of the next stage of this step
-    until: int = 0  # steps before the next step that makes a saved state
+    line: int = 0  # the first line of the block in work
+    n: int = 0  # number of the next stage, counted over all steps
+    stage: int = 0  # number of the next stage within its step
+    until: int = 0  # stages before the next stage that makes a saved state
     row: int = 0  # address of the next saved states
 
 
-SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places in the array
+SLOT = DriverArguments(*range(len(DriverArguments._fields)))  # places of the arguments in an array
 
 
 def text_of_steps(step, name, W, for_each, saves):
@@ -154,7 +154,7 @@ class _Driver:
     def take_rare_stage(self, stage, rows, line, n):
         """Add the rare operations of stage n, and pivoting if needed; return the next state."""
         text, components = self.text, range(self.D)
-        # Numbers are loaded and computed again here, so that usual lines need not store registers.
+        # Load x and compute the stage again, so that usual lines need not save registers for this.
         x = [rows[i] for i in components]
         stage.take(x)
         after, accurate, good, signs = stage.take_rare()

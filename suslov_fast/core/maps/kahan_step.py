@@ -37,20 +37,21 @@ from ..expressions.symbolic_elimination import (
 )
 from ..expressions.values import joined, larger
 
-# A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
-# components fall below LARGE_PART of theirs.
+# A step has lost digits if one component of the next state is below SMALL_PART times half of its
+# increment, or if each component is below LARGE_PART times half of its increment.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
-SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
-# The most instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms each. In longer
-# programs, which have blocks, an instruction takes 20 us, and twice the time to run.
+SIGNIFICANT = 2.0**-1000  # a change of sign to a smaller modulus does not count: it may be rounding
+# The most instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms each. Longer
+# programs are split into blocks: an instruction compiles in 20 us, and takes twice the time to run.
 LONGEST_OPTIMISED = 4000
 # The most products of elimination that depend on the state: of dense fields, which have more than
 # SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
-# The most products of parameters alone, which NumPy computes once for each step size.
+# The same for products of parameters alone, which NumPy computes once for each step size.
 LONGEST_ONCE = 400_000
-# Programs with columns have at most MOST_COLUMNS components. The number of components times that of
-# products in an elimination is at most MOST_WORK. NumPy computes larger ones: LLVM takes seconds.
+# Steps with columns of derivatives have a program if they have at most MOST_COLUMNS components, and
+# if this number times the products of an elimination is at most MOST_WORK. For more, LLVM would
+# take seconds, so NumPy computes the derivatives.
 MOST_COLUMNS, MOST_WORK = 16, 4000
 
 
@@ -92,7 +93,7 @@ class Step:
     of_one_sign   components that keep their signs along the motion
     """
 
-    good = accurate = negative = changed = factors = None  # None without a plan
+    good = accurate = negative = changed = factors = None  # None if there are no operations
     of = None  # the function of a map; None for a field
 
     def __init__(self, indices, D):
@@ -109,7 +110,7 @@ class Step:
 
     def _begin(self, indices, D):
         self.indices, self.T = indices, indices.shape[1]
-        self.D = self.state_D = D  # numbers of components: with columns, and of x alone
+        self.D = self.state_D = D  # numbers of components: with columns of derivatives, and of x
         self.of_one_sign = of_one_sign(indices)
         self.values = Values(D + self.T, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
@@ -172,7 +173,7 @@ class Step:
             beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
             excess = joined("fadd", [larger(0.0, each) for each in beyond])  # NaN stays NaN
             common.append(excess < np.inf)
-            if len(increments) == self.D:  # a component that stays 0 equals its limit
+            if len(increments) == self.D:  # a component that stays 0, at its limit, is accurate
                 at_limit = [sizes[k].equals(limits[k]) for k in increments]
                 common.append(joined("or", [excess > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()

@@ -33,8 +33,8 @@ from .stages import WHOLE, Scheme
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 PIVOTING_TIME = 5 * 10**7  # nanoseconds of `pivoting_step` steps, after which Python handles Ctrl-C
-_IN_PYTHON = 1e-5  # seconds in Python for an operation of a line, or D**-2 of a step with pivoting
-SHORT_RUN = 256  # steps of lines: shorter runs prepare `pivoting_step` only when lanes need it
+_IN_PYTHON = 1e-5  # seconds in Python for an operation; a step with pivoting counts as D**2 of them
+SHORT_RUN = 256  # lines times steps up to which `pivoting_step` is prepared only if lanes need it
 
 
 @functools.lru_cache(PLANS)
@@ -226,7 +226,7 @@ def _take_steps(lines, states, span, saved, abandoned):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         lines.start_from(states)
-        lines.take(*arguments, seconds=_IN_PYTHON * work)  # few runs need pivoting
+        lines.take(*arguments, seconds=_IN_PYTHON * work)  # few runs are repeated
 
 
 field_steps = FieldSteps()

@@ -12,8 +12,8 @@ from ..expressions.programs import Expressions, Program, Values, emitted, united
 from ..expressions.values import joined
 from .kahan_step import ExtendedStep
 
-# NumPy takes programs longer than LONGEST, which LLVM would compile for seconds, and multiplies
-# derivatives with more than MOST_WORK products (measured on coupled lattices).
+# NumPy runs programs of more than LONGEST operations, which LLVM would compile for seconds, and
+# computes derivatives with more than MOST_WORK products (measured on coupled lattices).
 LONGEST, MOST_WORK = 10_000, 4000
 # Operands that pass NaN on, in functions where some do not: max and min return one number if the
 # other is NaN, and NaN**0 = 1**NaN = 1.
@@ -38,7 +38,7 @@ class MapStep(ExtendedStep):
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
         programs = (Program(f.fixed, []), f.f, f.derivative)[: 2 + columns]
         results = emitted(values, united(programs), known)
-        # A constant becomes a value, because `after` holds numbers of values.
+        # A constant times 1 is a value with a number: `after` contains only numbers of values.
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in results[:D])
         self.after = [*of_x, *range(D, size)]
         if columns:
@@ -53,7 +53,7 @@ class MapStep(ExtendedStep):
 
     def _separate_fixed(self):
         super()._separate_fixed()
-        # With truth values, which choices between parameters need; steps compute their own again.
+        # `fixed` includes comparisons of parameters, by which it selects; tables cannot store them.
         both = self.values.fixed | self.values.fixed_truths
         self.fixed = [operation for operation in self.values.operations if operation[1] in both]
 
@@ -77,7 +77,7 @@ class MapStep(ExtendedStep):
         number = self.values.number
         tested = [number(a) for a in self.after[:D]]
         stays = self._stays_nan(D)
-        if not any(stays):  # for example if f selects between constants
+        if not any(stays):  # f may be finite where x is NaN, as if it selects constants
             tested += [0.0 * number(i) for i in range(D)]
         accurate = joined("fadd", [a - a for a in tested]).equals(0.0)
         good = abs(joined("fadd", tested)) < float("inf")

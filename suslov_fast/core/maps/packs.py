@@ -14,8 +14,8 @@ PLANS = 32  # the most fields for which tables are kept from call to call
 
 def zeros(*shape):
     """Return zeros that begin at a cache line."""
-    # NumPy's arrays begin 16 bytes later in some processes: then lines of lanes straddle cache
-    # lines, which costs up to a seventh of the time.
+    # In some processes NumPy's arrays begin 16 bytes after a cache line. Then SIMD packs straddle
+    # cache lines, which costs up to a seventh of the time.
     count = math.prod(shape)
     memory = np.zeros(count + 7)
     first = -address_of(memory) // 8 % 8
@@ -75,7 +75,7 @@ def packed(truths):
 def note_undefined(states, notes):
     """Note failures of trajectories with NaN in state 0, in `states` (B, D), and no poles."""
     status, failed_at, poles = notes
-    poles[status == OK] = 0.0  # the others are from earlier stages of a step
+    poles[status == OK] = 0.0  # others were noted by earlier stages of the first step
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.
     total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
     if not math.isfinite(total):

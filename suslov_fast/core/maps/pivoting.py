@@ -111,10 +111,10 @@ class LineArguments(NamedTuple):
     x: int  # (lines, D, W)
     halves: int  # (sets, T, of_set), half the step size times the values of the terms
     fractions: int  # (stages,), of eps
-    indices: int  # (3, T)
+    indices: int  # (3, T), i, j and k of the terms
     status: int  # (B,)
     failed_at: int  # (B,)
-    poles: int  # (B,), the first state beyond a pole, negative if found by a change of sign
+    poles: int  # (B,), number n of the first state beyond a pole, -n if only a sign changed, else 0
     marks: int  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
     memory: int  # (state_D (3 state_D + 4) + T,)
     lines: int
@@ -122,10 +122,10 @@ class LineArguments(NamedTuple):
     W: int
     sets: int  # `lines` if each lane has its own parameters, else 1
     T: int
-    of_set: int  # W, or 1
+    of_set: int  # W if each lane has its own parameters, else 1
     stages: int
     B: int
-    state_D: int  # number of components of x, without columns
+    state_D: int  # number of components of x, without columns of derivatives
     first: int  # number of the state before the first step
 
 

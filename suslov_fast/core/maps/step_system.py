@@ -69,7 +69,7 @@ class FieldSystem(NamedTuple):
     address: int  # address of the code of `stage_code.text_of_stage`, 0 if there is none
     half: Any  # (stages, T), eps / 2 of each stage times the values of terms; (1, 0) for a map
     table: Any  # (stages, n), see `Step.table`
-    indices: Any  # (3, T)
+    indices: Any  # (3, T), i, j and k of the terms
     dimension: int
     is_map: bool
 
@@ -96,7 +96,7 @@ def map_system_of(step, parameters):
 
 def _with_table(step, table):
     code = code_of(text_of_stage, step, lasts=True)
-    code.step = step  # for pickles
+    code.step = step  # for `FieldSystem.__reduce__`
     return FieldSystem(int(code), np.empty((1, 0)), table, np.empty((3, 0), np.int64), step.D, True)
 
 

@@ -113,7 +113,7 @@ def _keep(context, builder, signature, arguments):
 @intrinsic
 def array_at(typing, address, shape, dtype):
     """Return the C-ordered array at an address, without reference counts."""
-    # Numba would compile `carray` for each shape.
+    # It replaces Numba's `carray`, which would be compiled for each shape.
     result = Uncounted(types.Array(dtype.dtype, len(shape), "C"))
 
     def emit(context, builder, signature, values):

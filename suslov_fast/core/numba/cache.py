@@ -78,7 +78,7 @@ def use_cache(compiled, py_function):
     """Give a compiled function its cache files, with the digest of all sources in their names."""
     py_function.__qualname__ += f"_{_digest()}"
     if FunctionCache is not None and hasattr(compiled, "_cache"):
-        with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder
+        with suppress(RuntimeError, TypeError, AttributeError, ValueError):  # no folder to write to
             compiled._cache = _files_of(py_function)
 
 

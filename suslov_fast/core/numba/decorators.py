@@ -49,7 +49,7 @@ TESTED = 0, 68  # the newest Numba with which this version was tested
 # other Python threads run during a kernel. Without fastmath LLVM forms no FMA and reorders no sum,
 # so that serial, parallel, vectorised and interpreted runs agree to the bit.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
-# A wrapper for calls from Python or C takes as long to compile as a short function.
+# Without wrappers for calls from Python or C: each takes as long to compile as a short function.
 _FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
 _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}
@@ -95,7 +95,7 @@ def _compiling():
     try:
         yield
     except Exception as error:  # of any class: a newer Numba may raise anything
-        # Kernels that check indices, or are interpreted, raise IndexError when they run.
+        # Not an IndexError: kernels that check indices, or are interpreted, raise it when they run.
         if not advice_on_numba() or isinstance(error, (IndexError, MemoryError)):
             raise
         text = f"compiling failed with numba {numba.__version__}; {advice_on_numba()}"
@@ -118,7 +118,7 @@ def advice_on_numba():
 # ------------------------------------------------------------------------- before it is compiled
 # Small calls are interpreted until they have taken so many seconds; then compiling pays off.
 WARM_UP = 1.0
-# NumPy's seconds per component and step. Its calls cost as much as _CALL_IN_NUMPY trajectories.
+# NumPy's seconds per component, trajectory and step. A call costs _CALL_IN_NUMPY trajectories.
 _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 
@@ -383,7 +383,7 @@ def _address(dispatcher, kinds):
 
 
 # ------------------------------------------------------------------------------------- in kernels
-# Typed, because Numba compiles functions again for a literal 0, and infers types of sums twice.
+# Typed: for a literal 0 Numba compiles a function once more, and infers types of its sums twice.
 ZERO = np.int64(0)
 
 

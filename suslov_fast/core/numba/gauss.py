@@ -21,7 +21,8 @@ from .status_codes import NONFINITE, OK, SINGULAR
 # Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
 # and 1.0 for lanes that need `solve`, else 0.0.
 LEAST, LARGEST, TO_SOLVE = range(3)
-ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 below m times this times its terms' moduli
+# One of m pivots counts as 0 up to m * ZERO_TO_ROUNDING times the sum of the moduli of its terms.
+ZERO_TO_ROUNDING = 2.0**-50
 ROUNDS = 20  # the most rounds of `balance`; 6 full equations with units 2**120 apart took 4 or 5
 
 

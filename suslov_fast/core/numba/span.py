@@ -32,4 +32,4 @@ class Output(NamedTuple):
         return Output(*(a[:, trajectories] if axis else a[trajectories] for a, axis in pairs))
 
 
-AXES = Output(saved=1, final=0, carry=1, status=0, failed_at=0)  # axes of trajectories
+AXES = Output(saved=1, final=0, carry=1, status=0, failed_at=0)  # each array's trajectory axis

@@ -15,6 +15,6 @@ STOPPED = 3  # finished; an event ended the motion
 DEGENERATE = 4  # found, but f' is singular, as at a fold
 NOT_FOUND = -7
 
-# In integers with bits of lanes: the bits from this one on mark lanes in which a component changed
-# its sign. The bits before it mark lanes with det A < 0.
+# In integers with bits of lanes, bits below bit CHANGED mark lanes with det A < 0. Bits from bit
+# CHANGED on mark lanes in which a component changed its sign.
 CHANGED = 8

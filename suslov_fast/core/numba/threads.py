@@ -57,7 +57,7 @@ def in_parts(parts, work, abandoned, threads):
                     with lock:
                         pass
                 break
-            except BaseException as error:  # Ctrl-C; the others still write to the arrays
+            except BaseException as error:  # as by Ctrl-C; wait again, as threads still write
                 abandoned.append(True)
                 raised.append(error)
     for error in raised:

@@ -9,8 +9,8 @@ from numba import config
 from ..numba.decorators import ZERO, formula, function, inlined, lesser
 from ..numba.intrinsics import LINE, stream_pairs
 
-# Outputs of this many numbers are written past the caches, 2.1 times as fast. Smaller ones stay in
-# the caches, where they are read again.
+# Outputs of this many numbers or more are written past the caches, 2.1 times as fast. Smaller
+# outputs stay in the caches, where they are read again.
 STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 
 

@@ -56,23 +56,24 @@ from .blocks import are_common, fill_parameters, store_rows
 from .map_3d import RANGE, ZERO_TO_ROUNDING, one_step
 from .steps import LANES, NO
 
-# TINY replaces a factor that is exactly 0 on the critical level L = 1. Then all numbers that
-# vanish with it keep their ratios, and state 1 and the decay to the steady state are right.
+# Letters are as in the head of this file. TINY replaces a factor that is exactly 0 on the critical
+# level L = 1. Then all numbers that vanish with this factor keep their ratios, and state 1 and the
+# decay to the steady state are right.
 TINY = 2.0**-100
 CRITICAL = 2.0**-90  # a smaller r may be 0 or negative: r**n is then real for integers n only
 NO_SQUARE = 1e-300  # replaces a smaller |A**2 - k**2|, so that sin(n a) / root is n e
-PARITY_KNOWN = 2.0**53  # larger numbers are all even
-FAINT = 1e-140  # ell / nu below this, next to a steady state, has a subnormal square
-VANISHES = -350.0  # exp(t) is 0 if t is below this, because its square would be subnormal
+PARITY_KNOWN = 2.0**53  # larger floats n are all even: then the sign of r**n for r < 0 is unknown
+FAINT = 1e-140  # ell / nu below this has a subnormal square: states are unknown for one sign of n
+VANISHES = -350.0  # exp(t) is set to 0 for t below this, because its square would be subnormal
 ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no `unit_of`
 
 # Rows of a block. States, momenta and inverse times are in the unit UNIT.
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)  # the body, eps and state 0
-B1, B2, C1, C2, D12, D22 = range(8, 14)  # coefficients for n >= 0, if eps > 0
+B1, B2, C1, C2, D12, D22 = range(8, 14)  # the coefficients b, c, d12, d22 for n >= 0, if eps > 0
 BACK = 6  # rows from each of these coefficients to the one for n < 0
 PASSES, ROOT = 20, 21  # 1 for an orbit of the kind "passes", else 0; sqrt(|A**2 - k**2|)
-R, RATE = 22, 23  # r if the orbit passes; the result of `rate`
-MISSING = 24  # the sign of those n for which the state is unknown
+R, RATE = 22, 23  # r of an orbit of the kind "passes"; the result of `rate`
+MISSING = 24  # the sign of the n for which the state is unknown; 0 if there are none
 TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(25, 31)
 E_, ROOT_A, G1, G2 = range(31, 35)  # e > 0, sqrt(I1 I2), I13 / I1 and I23 / I2
 H1, H2, PER_G = range(35, 38)  # I13 / ROOT_A, I23 / ROOT_A and 1 / |g|**2
@@ -145,14 +146,14 @@ def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]
     ell, _, nu = coordinates(b[I13_, l], b[I23_, l], k, b[ROOT_A, l], g1, g2, w1, w2)
-    # The real and imaginary parts of conj(g) b and conj(g) c.
+    # The real parts, and minus the imaginary parts, of conj(g) b and conj(g) c.
     b_x = select(passes, 2.0 * (root * ell - k * half_d12), 2.0 * ahead * k * nu)
     b_nu = -ahead * select(passes, d22_passes, 2.0 * (d22_turns - k * ell))
     c_x = -select(passes, k * d22_passes, k * d22_turns + square * ell)
     c_nu = select(passes, -ahead * root * d22_passes, square * nu)
     b1, b2 = steady(g1, g2, h1, h2, b_x, b_nu)
     c1, c2 = steady(g1, g2, h1, h2, c_x, c_nu)
-    # b and c of an orbit that turns, for any g; terms of b and c cancel next to ell = 0.
+    # Formulas for an orbit that turns hold for any g, but their terms cancel next to ell = 0.
     i1 = -2.0 * ahead * ((k * b[TURN1, l]) * w2 + R2 * h2)
     i2 = 2.0 * ahead * ((k * b[TURN2, l]) * w1 + R2 * h1)
     back1, back2 = steady(g1, g2, h1, h2, R2 * (ell + k), -(R2 * nu))
@@ -184,7 +185,7 @@ def fill_orbit(b, l, is_map):
     per_one_plus_L = 1.0 / (1.0 + e_map * root)
     b[R, l] = select(is_map > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
 
-    # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|.
+    # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|, by the identities.
     total = root + abs(nu)
     by_x = ell * (ell * (one_minus_Y * one_plus_Y)) * inverse
     by_k = k * (ell * (2.0 + K * X)) * inverse

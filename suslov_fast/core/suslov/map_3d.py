@@ -28,7 +28,7 @@ from ..numba.decorators import formula, function
 from ..numba.intrinsics import select
 from ..numba.status_codes import NONFINITE, OK, SINGULAR
 
-ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
+ZERO_TO_ROUNDING = 2.0**-50  # the denominator D counts as 0 below this part of its terms
 NEGLIGIBLE = 1e-150  # a decaying X / Y below this becomes 0, because subnormal numbers are slow
 LEAST, LARGEST = 2.0**-300, 2.0**300  # squares of numbers between them are in range
 RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough digits

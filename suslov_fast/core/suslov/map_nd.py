@@ -41,7 +41,7 @@ from ..numba.intrinsics import select
 from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
 from .blocks import empty_at_line, write_states
 
-J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
+J_, I_, W, INVERSE = range(4)  # rows of c; INVERSE: 1 / d_i
 # Rows of b after the rows of `gauss.eliminate`:
 P, SQUARE, HALF = range(TO_SOLVE + 1, TO_SOLVE + 4)  # p, |w|**2 and h p
 ALPHA, BETA, GAMMA = range(HALF + 1, HALF + 4)
@@ -50,7 +50,7 @@ EPS, NEAR = range(OF_I + 1, OF_I + 3)  # eps, and a bound of h p below which no 
 ROW_W, ROW_I, OTHERS = range(NEAR + 1, NEAR + 4)  # 2 h I_i / J_i, h w_i / J_i and p - I_i w_i
 DET = OTHERS + 1  # a number with the sign of det A
 ROWS = DET + 1
-LANES = 64  # so many that adding a component does not wait until the last sum is stored
+LANES = 64  # so many that a sum is stored before the next component is added to it
 # A step in O(n) keeps its digits if |d_i| / J_i > FAR_FROM_0, the determinant of the two equations
 # is above LEAST_DET times the sum of the moduli of its terms, and w.w_next > LEAST_COSINE |w|**2.
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125

@@ -15,9 +15,9 @@ from ..numba.decorators import function, kernel, share
 from ..numba.gauss import simd_max
 from .blocks import empty_at_line
 
-SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
+SQUARE, ALONG, QUARTER = range(3)  # rows of `c`, one number a lane: |b|**2, r.b and eps / 4
 CLEAN_EVERY = 16
-# A longer b is made this long, so that its square is in range: cay(S) is a half turn to rounding.
+# A longer b is cut to this length, whose square is in range: cay(S) is a half turn in both cases.
 HALF_TURN = 2.0**500
 
 

@@ -33,12 +33,12 @@ FEW = 6  # up to so many trajectories take less time one by one than all lanes o
 # Plain steps between two tests that set a decayed X to 0. A test at each step would take a fifth
 # longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
 DECAYING = np.int64(16)
-PROJECTED = 512  # steps after which a general state is projected on the level of R
+PROJECTED = 512  # steps after which a general state is projected on the level of the constant R
 GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state
 TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
-# Rows of a block. A run continues from the first three rows if the whole block is plain, else from
-# the first CARRIED rows, where U and V are the state of a fixed lane.
+# Rows of a block. A run continues from the first three rows if all its lanes have the form PLAIN.
+# Else it continues from the first CARRIED rows; in lanes of the form FIXED, U and V are the state.
 FORM, X_, Y_ = range(3)  # X and Y of the plain form
 XG, U, V, R = range(3, 7)  # X, u and v of the general form, and R at the start
 CARRIED_BY_PLAIN, CARRIED = XG, R + 1
@@ -46,7 +46,7 @@ TAKEN, AT_POLE = 7, 8  # of a single lane: the numbers of general steps and of s
 W1, W2 = 9, 10  # the state; in other rows stores of W1 and W2 would delay loads of X and Y
 FRAME = 11  # the first of the seven rows of the `Frame`
 I1_, I2_, I13_, I23_, K_, EPS_ = range(18, 24)
-TOO_LONG = 24  # 1.0 if state 0 is supercritical
+TOO_LONG = 24  # 1.0 if the step is too long for state 0, see `is_supercritical`
 ROWS = 25
 STATE, BODY = np.int64(W1), np.int64(I1_)  # typed, see `decorators.ZERO`
 new_block = block_of(ROWS, int(LANES))
@@ -95,7 +95,7 @@ def start_lane(b, l):
     b[FORM, l] = select(plain, PLAIN, select(fixed, FIXED, GENERAL))
     b[X_, l] = X
     b[Y_, l] = Y
-    b[XG, l] = select(loses_digits(frame, X, Y), np.nan, X)  # NaN, for no next state
+    b[XG, l] = select(loses_digits(frame, X, Y), np.nan, X)  # NaN: there is no next state
     b[U, l] = select(fixed, 0.0, w1)
     b[V, l] = select(fixed, 0.0, w2 / frame.back)
     b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)

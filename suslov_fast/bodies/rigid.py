@@ -408,8 +408,8 @@ class Suslov3D(Suslov):
         return scattering_angle(*np.broadcast_arrays(*self._constants[:4]))
 
 
-# The four figures at the end of Section 4 of arXiv:0807.2966: bodies and step sizes. The paper does
-# not state the extents of the axes.
+# The four figures at the end of Section 4 of arXiv:0807.2966: bodies, step sizes, and extents of
+# the axes, which the paper does not state.
 FIGURES = {
     1: (Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
     2: (Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),

@@ -31,7 +31,7 @@ Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coeff
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
 _DEGREES = 64  # the largest sum of the degrees of numerator and denominator
-_LINES = 1024  # the most lines s + z t in interpolation; T terms of one degree need 2 T lines
+_LINES = 1024  # the most lines s + z t in interpolation; T terms of a degree need 2 T + 1
 SEARCHES = 4096  # the most calls of a `Search` modulo one prime
 _PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
 

@@ -30,8 +30,8 @@ from .problem import Problem
 CHUNK_WORK, _SAVING = 2**26, 8.0
 # Seconds: after a chunk below _SHORT the next has twice as many steps, after one above _LONG half.
 _SHORT, _LONG = 0.02, 0.1
-# Seconds for a step of one trajectory if Python interprets the kernel, per unit of cost. Then up to
-# _FEW trajectories are computed one by one; larger batches fill whole blocks of lanes.
+# Seconds for a step of one trajectory if Python interprets the kernel, per unit of cost. The 3D
+# map computes up to _FEW trajectories one by one; larger batches fill whole blocks of lanes.
 _IN_PYTHON, _FEW = 1e-5, 6
 # The most work of a chunk with orientations, n x n matrices: the number of states times n**2.
 TURNING = 2**24

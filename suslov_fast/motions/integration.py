@@ -137,7 +137,7 @@ class SolverResult(NamedTuple):
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
     columns: dict[str, NDArray[Any]]  # {name in `COLUMNS`: array (B,)}
-    ends: Ends | None = None  # None if no trajectory ended early, was repeated or is doubtful
+    ends: Ends | None = None  # None only if none ended early, was repeated or is doubtful
     records: Any = None  # `Records` or `Rows`, if there are events
     derivatives: Any = None  # (n, B, D, C), if they are asked for
     is_stopped: bool = False  # whether `report` ended the run

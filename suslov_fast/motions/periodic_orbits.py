@@ -25,7 +25,7 @@ from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
 _NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
-_TURNS = 12  # the most turns of an orbit that `_one_turn` recognizes in the given period
+_TURNS = 12  # the most turns of an orbit that `_one_turn` recognizes in the period found
 _SAME = 1e-6  # starts of equal turns differ by at most this part of the range of each component
 _FAR = 0.5  # if the orbit is further from x0, in ranges of its components, a warning says so
 _ROUGH = 1e-8  # the least rtol of the motion that is searched for a near return to x0

@@ -17,8 +17,8 @@ from .numpy_evaluation import results_at
 from .programs import emitted
 from .values import joined, larger
 
-# A body rests if its next bounce would last less than SOON times the time t, or would be lower than
-# LOW times the sum of the moduli of the terms of s, the function of the surface s = 0.
+# A body may rest if its next bounce would last less than SOON times the time t, or would be lower
+# than LOW times the moduli of the terms of s and of t ds/dt, where s = 0 is the surface.
 SOON, LOW = 2.0**-35, 2.0**-42
 FAR = 2.0**-16  # a rest ends if |s| is above FAR t**2 times the size of the terms of d2s/dt2
 PULL = 64.0  # at rest errors of s decay as exp(-PULL t / T), where T is the last time

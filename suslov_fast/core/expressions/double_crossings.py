@@ -48,7 +48,7 @@ OF_FOURTH = 16.0 * prod(abs(POINTS[1] - u) for u in _FRACTIONS if u != POINTS[1]
 OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
 # A hump of s between two points is narrow if the straight line through the rates ds/du there misses
-# the rate at a neighbouring point by STRAIGHT times the difference of both rates. A rate counts as
+# the rate at a neighbouring point by over STRAIGHT times the difference of both. A rate counts as
 # 0 up to OF_TERMS times its terms, plus the change of s by relative errors OF_STATES + rtol of x.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES

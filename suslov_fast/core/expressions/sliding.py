@@ -28,9 +28,9 @@ _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # a state is on a surface s = 0 if |s| <= ON times the moduli of the terms of s
 NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times these moduli
 BARELY = 2.0**-24  # up to BARELY times ds/dt on the other side of a surface, ds/dt is rounding
-# The most modes of one f, and the most modes times pairs (a, b), also a = b, where mode b changes
-# the rate of mode a: 5 modes that change all rates, or 12 that change their own rates alone. The
-# time to compile grows with this product.
+# The most surfaces (also kinks) and contacts of one f, and the most modes times pairs (a, b), also
+# a = b, where mode b changes the rate of mode a: 5 modes that change all rates, or 12 that change
+# their own rates alone. The time to compile grows with this product.
 MOST, MOST_PAIRS = 24, 150
 
 
@@ -161,7 +161,7 @@ class SlidingEquations(_Rates):
         if len(pairs) + len(touching) > MOST:
             return
         # A surface has a mode if ds/dt jumps across it. A contact has a mode if its force changes
-        # ds/dt, and if f does not jump at its surface.
+        # d2s/dt2, and if f neither jumps nor has a kink at its surface.
         trial = _Rates(f, comparisons, pairs, touching, D, P)
         has_mode = [trial.changes(D + g, D + g) for g in range(len(pairs))]
         pairs = dict(compress(pairs.items(), has_mode))
@@ -224,7 +224,7 @@ class SlidingEquations(_Rates):
         # Modes of surfaces whose ds/dt depends on mode g may end with it: they are decided, too.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [g, *others, g] if others else [g], at=g)
-        # A state that begins to slide is moved onto the surface: errors of s would grow with time.
+        # A state that begins to slide is moved onto the surface, else errors of s add up by slides.
         lands, factor = number(x[place]).equals(0.0) & ~slides, s / self.values.dot(slope, jump)
         for i, a in enumerate(jump):
             if not same(a, 0.0):

@@ -29,7 +29,7 @@ SOON = 2.0**-20  # ds/dt is too slow to decide a side if s changes by rounding i
 LEAST = 2.0**-1074  # the least positive number
 MOMENT = 2.0**-16  # part of the last step: ds/dt after events is compared with ds/dt so much later
 STAYS = 0.25  # a mark in the row `side` (else 0, 1 or `GAP`): the state stays on the surface
-FASTER = 4.0  # the next step is shorter if an action makes f more than FASTER times as large
+FASTER = 4.0  # the next step may be cut if an action makes f more than FASTER times as large
 
 
 def _level(is_above, value, rounding):

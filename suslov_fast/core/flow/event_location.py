@@ -35,7 +35,7 @@ HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched 
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 # The next surface may be as near as this one. So the step after a step to a surface is at most
-# AFTER_THIS times as long, or AFTER_WHOLE times its length without this limit. Without it,
+# the longer of AFTER_THIS times this step and AFTER_WHOLE times its length without limit. Without,
 # x" = -sign(x) to t = 1e5 takes 12 tries a jump, with AFTER_THIS = 64 it takes 9. But a table of
 # 6,000 random knots takes 1 % more time with 64, and 8 % with 8.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8

@@ -157,7 +157,7 @@ def _begin(system, x0, memory, tries):
     """Fill `memory` for a motion that begins, or that begins again after an alarm (`tries` > 0)."""
     plan, constants, time = system.plan, system.constants, abs(system.time)
     x, D, size = memory[plan[PLAN.rows] :], plan[PLAN.D], 0.0
-    relative = memory[plan[PLAN.state] :]  # a copy: the row `lost` is overwritten below
+    relative = memory[plan[PLAN.state] :]  # keeps what is RELATIVE: `lost` is overwritten below
     for i in range(D):
         is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
         relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0

@@ -383,7 +383,7 @@ def _address(dispatcher, kinds):
 
 
 # ------------------------------------------------------------------------------------- in kernels
-# Typed: for a literal 0 Numba compiles a function once more, and infers types of its sums twice.
+# Typed: for a literal 0 Numba compiles a function again, or types it twice if a sum begins so.
 ZERO = np.int64(0)
 
 

@@ -21,7 +21,7 @@ class Output(NamedTuple):
     """The arrays to which a kernel writes."""
 
     saved: Any  # (rows, B, D), states with numbers that are multiples of `every`
-    final: Any  # (B, D), states number `stop`; if start > 0, the call begins with states from here
+    final: Any  # (B, D), states number `stop`; most kernels begin with them if start > 0
     carry: Any  # (carried, B), other numbers from which the next call continues
     status: Any  # (B,), OK at first, changed at the first failure
     failed_at: Any  # (B,), -1 at first, then the number of the first missing state

@@ -1,7 +1,7 @@
 """Statuses of trajectories: negative after a failure, positive if they finish with a caveat."""
 
 OK = 0
-SUPERCRITICAL = 1  # finished; a criticality of 1 or more: the step is too long to follow the motion
+SUPERCRITICAL = 1  # finished; |criticality| >= 1: the step is too long to follow the motion
 PASSED_POLE = 2  # finished; a step passed a pole: det A < 0, or a sign changed that motions keep
 SINGULAR = -1  # there is no next state, because the state is on a pole
 NONFINITE = -2  # the next state is out of the range of float64, or state 0 is NaN

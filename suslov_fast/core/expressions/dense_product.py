@@ -17,8 +17,8 @@ from .programs import Expressions, dot, renamed
 
 ENTRY, _SUMS = "entry", ("fadd", "fsub")
 AT_ONCE = 16  # rows of a matrix that machine code may take at once
-# A product with a matrix is a loop, not a written sum, if at least LEAST of its entries, and the part
-# LEAST_PART of all its entries, are not 0 (`is_large`).
+# A product with a matrix is a loop, not a written sum, if at least LEAST of its entries, and
+# the part LEAST_PART of all, are not 0 (`is_large`).
 LEAST, LEAST_PART = 24 * 24, 0.25
 
 

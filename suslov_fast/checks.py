@@ -114,7 +114,7 @@ def positive(name: str, value: Any) -> float:
 
 def within(name: str, value: Any, exponent: int) -> Any:
     """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
-    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # exponent >= 50
+    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # for any `exponent`
         return value
     array = np.asarray(value)
     size = abs(array[array != 0])

@@ -246,7 +246,7 @@ class _Germs:
         names = ["eps"] * plane.symbolic + ["r", "s", "t"]
         self._ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
         *self._eps, self._r, self._s, self._t = self._ring.gens()
-        self._modulus = self._r  # a polynomial with the root r and the leading coefficient 1
+        self._modulus = self._r  # the monic polynomial that is 0 at r; here r = 0
         degree, count = plane.degrees[number], 1
         self._point = [self._ring.constant(1)] * 3
         if degree > 1:

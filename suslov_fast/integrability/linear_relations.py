@@ -267,7 +267,7 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
     if not sets:
         return
     on_line, points = _on_random_line(map, sets, rng), list[tuple[int, list[list[int]]]]()
-    # Quotients of coefficients: the number of a circuit, and the positions of two monomials.
+    # Quotients of coefficients: the number of a set of monomials, the positions of two of them.
     unknown = [(k, *pair) for k, e in enumerate(sets) for pair in combinations(range(len(e)), 2)]
     for most in _DEGREES:
         points += islice(on_line, 2 * most + 3 - len(points))

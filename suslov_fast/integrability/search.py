@@ -26,7 +26,7 @@ from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, with
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # polynomials above the degree of a report are sought with at most so many coefficients
+_FEW = 80  # polynomials above the degree asked for are sought with at most so many coefficients
 _ENOUGH = 10  # so many iterates are enough if their degrees satisfy a recurrence
 _MOST = 40  # the most iterates for which degrees are computed
 _CHEAP = 100  # up to this latest degree more than _ENOUGH iterates follow: they take little time
@@ -314,7 +314,7 @@ class Search:
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self._known = None
-        # Tasks "formulas" run late, because Darboux polynomials, found before, have simpler ones.
+        # Tasks "formulas" run late: Darboux polynomials, found before, often give simpler formulas.
         for integral in self._of_relations:
             if self.unknowns(integral.degree) <= linear_relations.TERMS:
                 yield Task(partial(self._write_out, integral), "formulas", integral.degree)

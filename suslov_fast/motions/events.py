@@ -118,8 +118,8 @@ class Events(Result):
     _given: tuple[Event, ...] = field(default=(), compare=False)
     _by: tuple[str, ...] = ()
     _time_by: FloatArray | Any = None  # derivatives of `time` (K, C), with respect to x0 first
-    _before_by: FloatArray | Any = None  # the same of `before` (K, D, C)
-    _states_by: FloatArray | Any = None  # the same of `states` (K, D, C)
+    _before_by: FloatArray | Any = None  # derivatives of `before` (K, D, C)
+    _states_by: FloatArray | Any = None  # derivatives of `states` (K, D, C)
 
     @property
     def given(self) -> tuple[Event, ...]:

@@ -39,11 +39,11 @@ _MOST = 40  # m of the shortest segment, which has 2**-m of the time
 _UNITS = 2**_MOST  # number of shortest segments in the whole time
 _ROOM = 8.0  # the largest product of the length of the first segment and the size of f'
 # A segment is short enough if no entry of the diagonal of R exceeds _LARGEST, and all exceed _LEAST
-# and _LEAST times the largest entry: errors are `rtol` times the largest columns so far.
+# and _LEAST times the largest entry: allowed errors are relative to the longest tangent vectors.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # each column at time 0: an eigenvector plus this part of all directions
 # After the shortest segment an entry of R has no digits if it is at most _DEAD times the largest
-# entry, or at most _NO_DIGITS: rounding errors in an event leave so much of a column of length 1.
+# entry, or _NO_DIGITS: rounding leaves so much of a column of length 1 that an event makes 0.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
 # After _FEW segments within the first _PART of the time, at most _LARGEST_FRAME tangent vectors
@@ -174,7 +174,7 @@ class _Run:
         request = SolverRequest(np.array([time]), 1, settings, self.threads, event_times=times)
         run = _Run(self.f, self._table(which), x[which], self.moving, request)
         run.is_first, run.acts = False, self.is_first
-        # After a second alarm the tolerance of all components is relative.
+        # After a second alarm the allowed errors of all components are relative to their values.
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
         goes_on = run.through(transient, time, report)
         for name in ("logs", "duration", "dead", "t", "status"):

@@ -58,7 +58,7 @@ class Branches(NamedTuple):
 
     surfaces  the `Surface`s at which branches change: first those where f jumps, then kinks
     P         how many other parameters f has
-    shifts    indices in `surfaces` of tables at arguments p + q, with q constant along a step
+    shifts    indices in `surfaces` of tables with an argument p + q; q is constant along a step
     joins     True if several comparisons have the same two numbers (`_groups_of`)
     jumps     the number of parameters that hold branches at which f jumps
     """
@@ -304,7 +304,7 @@ def _watch(f, surfaces):
 def _choices(tests, surfaces, branches):
     """Return the `Program` that finds the branches at a state, and whether they have changed.
 
-    It also reads the old branches. `branches` are operands in `tests`, for each surface. Results:
+    It also reads the old branches. `branches` are the new ones, operands in `tests`. Its results:
 
     1. the index in `surfaces` of the first jump of f with a new branch, else -1,
     2. 1 if any branch is new, else 0,

@@ -26,7 +26,7 @@ from .values import Number, joined, operand_of
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # a state is on a surface s = 0 if |s| <= ON times the moduli of the terms of s
-NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times these moduli
+NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times the terms of s
 BARELY = 2.0**-24  # up to BARELY times ds/dt on the other side of a surface, ds/dt is rounding
 # The most surfaces (also kinks) and contacts of one f, and the most modes times pairs (a, b), also
 # a = b, where mode b changes the rate of mode a: 5 modes that change all rates, or 12 that change
@@ -49,7 +49,7 @@ class _Rates:
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
-        # If f has operations such as roots, moduli |s| are kept at 0 or more just beyond a surface.
+        # |s| is s times its side. If f has roots, |s| is kept from being negative beyond a surface.
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
         self.size = count + len(touching) + 2 * bool(touching)
         self.values = values = ExtendedState(D, self.size, P)
@@ -201,8 +201,8 @@ class SlidingEquations(_Rates):
         if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
-            # ds/dt of a body that leaves its rest is rounding. So `holds`, not ds/dt, says on which
-            # side of the surface it is.
+            # ds/dt of a body that leaves its rest is rounding, and does not tell its side. `holds`
+            # puts it above the surface if the event acts downwards.
             action = action._replace(most=inf, holds=int(action.direction < 0))
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
@@ -247,9 +247,9 @@ class SlidingEquations(_Rates):
         """Return the state x (operands) with new modes of the `surfaces` that it is on.
 
         The new mode is the side to which f leads from the surface, or 0 if f leads back from both
-        sides. But a present mode stays if f leads away on its side. Modes are found one by one,
-        then together. The state counts as on surface `at`, where the solution arrives or stops
-        sliding.
+        sides. But a present mode stays if f leads away on its side. The modes, found one by one,
+        are then made consistent (`_together`). The state counts as on surface `at`, where the
+        solution arrives or stops sliding.
         """
         number, D = self.values.number, self.D
         for g in surfaces:

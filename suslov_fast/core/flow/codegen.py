@@ -106,7 +106,7 @@ class StepCode(FunctionCode):
     def keep_largest(self, truth, i, x):
         """Raise the row `largest` of component i to |x|, in lanes where `truth` is true.
 
-        If allowed errors are relative to |x| (RELATIVE in `lost`), set it to |x| in any case.
+        If allowed errors are relative to |x| (RELATIVE in `lost`), it may also become smaller.
         """
         modulus, largest = abs(x), self.line.largest[i]
         is_new = modulus > largest

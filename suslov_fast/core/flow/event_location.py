@@ -5,9 +5,9 @@ A step evaluates surfaces at POINTS of its length, at the states (`POINT`)
 x + u d + u (u - 1) ((1 - 2 u) d + (u - 1) h f(x) + u h f(x_next)),     d = x_next - x,
 
 and the program `watch` of f compares the signs of surfaces at both ends of each part. A step that
-may hide two crossings between points (`double_crossings`) is repeated with less length. Then f at
-one point makes the states more accurate. In implicit steps a polynomial of degree 4 through the
-quarters gives them.
+may hide two crossings between points (`double_crossings`) is repeated with less length. For this
+test f at one point makes the states more accurate (`QUARTIC`). In implicit steps they are on the
+polynomial of degree 4 through the quarters of the step.
 
 A step that crosses a surface is repeated with other lengths from the same state (`SEARCH`). They
 lie between `inner`, at which no surface is crossed, and `outer`, at which one is crossed. Newton's
@@ -31,7 +31,7 @@ from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: parts of t and of the last time
-HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings
+HIDDEN_FROM = 2.0**-20  # part of the whole time: longer steps are searched for double crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 # The next surface may be as near as this one. So the step after a step to a surface is at most

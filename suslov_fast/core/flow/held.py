@@ -243,7 +243,7 @@ def motion_of_one(system, x0, out, memory):
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
-        # Compute the motion again, as in `integration`; if it ended early, none is RELATIVE.
+        # Compute the motion again, as in `integration`; if it ended early, with no RELATIVE mark.
         tries, end, before = _WITHOUT if has_ended else tries + 1, x[plan[PLAN.t]], state
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:

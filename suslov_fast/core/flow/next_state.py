@@ -28,8 +28,8 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 def find_next_state(code):
     """Write the next state, f at this state, and errors to the rows `new`, `f_new` and `error`.
 
-    Return `kept`, which is 0 where a component or a denominator loses its sign, and two dicts, for
-    x and for columns of derivatives: what allowed errors need to know about all components.
+    Return `kept`, which is 0 where a component or a denominator loses its sign, and two dicts
+    {input of kernels of `tolerance`: number}, from maxima over x, and over columns of derivatives.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights

@@ -83,7 +83,7 @@ def _find_columns(code):
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
-    if integrator.is_implicit and integrator.read:  # finished sums: states at quarters, minus x
+    if integrator.is_implicit and integrator.read:  # keep states at quarters, minus x
         code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
     return rate
 

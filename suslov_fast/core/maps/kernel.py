@@ -124,8 +124,8 @@ class _Lines:
             arrays = self.x, self.halves, np.array(stages.fractions), step.indices
             arrays = *arrays, *self.notes, self.marks, memory
             of_pivoting = arguments_of(arrays, step.state_D, start)
-        # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
-        # a short block waits for the one before it.
+        # Lines of a block stay in the first cache. Blocks have equal lengths: in a short one there
+        # are too few lines to do while a step waits for the results of the one before it.
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
         row = saved.ctypes.data

@@ -70,7 +70,7 @@ def _save_up_to(code, part):
     def is_due():
         return _passed(code, Value.__gt__) & (line.next[0] - work.t[0] <= part * work.taken[0])
 
-    with code.text.when(is_due().any()):
+    with code.text.when(is_due().any(), likely=part > 0.5):
         for now in code.text.rounds(Carried()):
             quarters = 4.0 * ((line.next[0] - work.t[0]) / work.taken[0])
             _put_between(code, weights_at(quarters))

@@ -114,7 +114,8 @@ def positive(name: str, value: Any) -> float:
 
 def within(name: str, value: Any, exponent: int) -> Any:
     """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
-    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # for any `exponent`
+    # Every `exponent` is 50 or more.
+    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):
         return value
     array = np.asarray(value)
     size = abs(array[array != 0])
@@ -146,7 +147,7 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
 
 def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
     """Return states as arrays or lists, without the names of a table of pandas or of a mapping."""
-    if type(value) is np.ndarray:  # for speed in small calls, here and below
+    if type(value) is np.ndarray:  # for speed in small calls
         return value
     if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:
         return value[[*labels]].to_numpy()

@@ -78,7 +78,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
-        except TypeError as error:  # checked only after an error, for speed
+        except TypeError as error:  # arguments are checked only after an error, for speed
             if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                 raise  # the error is from inside the function, not from the call
             raise _wrong_call(function, args, kwargs, error) from None

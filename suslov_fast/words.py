@@ -201,7 +201,7 @@ OF_STEPS = (
   ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
    "time=np.arange(0, T, dt), at which states are wanted"),
 )  # fmt: skip
-# A piecewise constant function of t: values[i] from knots[i] to knots[i + 1].
+# How to write in f a function of t that is values[i] from knots[i] to knots[i + 1].
 STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
 # Functions that f of a `Field` or `Map` cannot call, and how to write them with those it can.
 OF_ARRAYS = {

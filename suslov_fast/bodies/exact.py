@@ -15,7 +15,7 @@ from ..status import IntegrationWarning
 SLICE = 2**21
 # Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
 _ORBIT_COST, _STATE_COST = 64, 8
-_IN_PYTHON = 1e-5  # seconds that Python takes for a state; a call takes as long as 128 states
+_IN_PYTHON = 1e-5  # seconds for a state in Python, without Numba; a call costs 128 states more
 # Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("no state, because n must be an integer up to 2**53 for so long an eps", RuntimeWarning),

@@ -77,7 +77,7 @@ class SuslovND(Suslov):
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
             received = f"{J} and {I}{self._meaning}"
             raise wrong("J and I", "have the shape (..., n - 1), both", received)
-        # The mass tensor is positive, so that I_in**2 < I_ii I_nn <= J_i**2 / 4.
+        # The mass tensor is positive: I_in**2 < I_ii I_nn <= J_i**2 / 4, for J_i = I_ii + I_nn.
         beyond = abs(self.I) > 0.5 * self.J
         if beyond.any():
             i = checks.first_index(beyond)[-1] + 1

@@ -111,7 +111,7 @@ class Suslov3D(Suslov):
     @cached_property
     def _field(self) -> Field:
         constants = self._constants
-        if not self.shape:  # a single body has exact coefficients; letters stay as they are
+        if not self.shape:  # a single body has exact coefficients; symbols stay as they are
             exact = (Fraction(a) if isinstance(a, (float, Rational)) else a for a in constants)
             constants = tuple(exact)
         I1, I2, *form = constants
@@ -152,7 +152,8 @@ class Suslov3D(Suslov):
         T, signs = self._inertia(0.0), np.diag([-1.0, -1.0, 1.0])
         B = np.trace(T, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 2 * T
         ends = np.sort(np.linalg.eigvals(signs @ B).real, axis=-1)[..., 1:]
-        # Bodies exist if, for I3 half-way, the smaller moments together exceed the largest one.
+        # Bodies exist if, for I3 half-way between both ends, the sum of the smaller moments exceeds
+        # the largest one.
         moments = np.linalg.eigvalsh(self._inertia(ends.mean(axis=-1)))
         exists = moments.sum(axis=-1) > 2.0 * moments[..., -1]
         low, high = np.moveaxis(np.where(exists[..., None], ends, np.nan), -1, 0)

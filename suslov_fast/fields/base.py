@@ -31,8 +31,8 @@ class Parameters(dict[str, Any]):
 class Body(Members, metaclass=Answering):
     """A body, field or map, or a batch; dataclass fields of a body are its parameters."""
 
-    _axes: ClassVar[dict[str, int]] = {}  # 1 for parameters that are vectors, 2 for matrices
-    _positive: ClassVar[dict[str, int]] = {}  # {positive parameter: exponents for `checks.within`}
+    _axes: ClassVar[dict[str, int]] = {}  # {parameter: 1 if it is a vector, 2 if it is a matrix}
+    _positive: ClassVar[dict[str, int]] = {}  # {positive parameter: exponent of `checks.within`}
     _called: ClassVar[str] = "a body or a field"
     _variable: ClassVar[str] = "omega"  # the name of states, in messages
     _left: ClassVar[str] = r"\dot{%s}"  # the left side of an equation in LaTeX, for a variable
@@ -51,8 +51,8 @@ class Body(Members, metaclass=Answering):
     _field: ClassVar[Any]  # the equations of motion; TypeError for a `Map`, which has none
     _labels: ClassVar[Any] = "Omega1", "Omega2"  # names of the components of states
     _coordinates: ClassVar[Any] = ()  # parameters that are coordinates of datasets
-    _shared: ClassVar[Any] = {}  # what all members have in common besides parameters
-    _read: ClassVar[Any] = None  # makes a body from its dictionary; by default the class
+    _shared: ClassVar[Any] = {}  # what all members of a batch share besides parameters
+    _read: ClassVar[Any] = None  # makes a body from its dictionary; None: the class does
     _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that are texts, not numbers
     _may_escape: ClassVar[Any] = False  # no body escapes: its energy is constant
 
@@ -136,7 +136,7 @@ class Body(Members, metaclass=Answering):
         shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in arrays.items()}
         return checks.common_shape(shapes)
 
-    if not TYPE_CHECKING:  # type checkers know the attributes
+    if not TYPE_CHECKING:  # type checkers would accept every attribute
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that says where a public name is found instead."""

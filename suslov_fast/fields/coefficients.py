@@ -18,10 +18,10 @@ from .names import check_order
 from .terms import Terms, collected
 
 _fractions = np.vectorize(Fraction, "O")
-# Indices (axes, n) and values (..., n) of entries of an array.
+# The n nonzero entries of an array: their indices, one row for each axis, and values (..., n).
 Entries = tuple[Any, Any]
-# A polynomial: coefficients by sorted indices, where (0, 0, 1) stands for x1 x1 x2. They are
-# fractions, or floats, or arrays (...) of floats for the members of a family.
+# A polynomial: coefficients by sorted indices, where (0, 0, 1) stands for x1 x1 x2.
+# Coefficients are fractions, or floats, or arrays (...) of floats for the members of a family.
 Polynomial = dict[tuple[int, ...], Any]
 
 

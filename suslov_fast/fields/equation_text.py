@@ -81,7 +81,7 @@ def _joined(name: str, parts: Sequence[tuple[str, int]], tables: Sequence[Any]) 
             written.append(f"({', '.join(texts)}{comma})" if is_list else texts[0])
         return f"{'abs' if name == 'absolute' else name}({', '.join(written)})", _CALL
     own = _LEVELS[name]
-    least = own + (own in (1, 9)), own + 1  # comparisons and powers do not chain
+    least = own + (own in (1, 9)), own + 1  # brackets also in (a < b) < c and (a**b)**c
     left, right = (
         text if level >= bound else f"({text})"
         for (text, level), bound in zip(parts, least, strict=True)
@@ -219,7 +219,7 @@ def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
     if depth > _DEEPEST_READ:
         raise ValueError(f"equations: more than {_DEEPEST_READ} operations in each other")
     chain = []
-    while isinstance(node, ast.BinOp):  # a + b + c begins with the sum of a and b
+    while isinstance(node, ast.BinOp):  # long sums (a + b) + c + ... do not count as deep
         chain.append(node)
         node = node.left
     value = _of_part(node, known, calls, depth + 1)

@@ -17,7 +17,7 @@ from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .symbolic import Tracer
 
-LONGEST = 300  # the most characters of a text for readers
+LONGEST = 300  # the most characters of a shortened formula, as in `repr`
 
 
 class Equations:
@@ -109,7 +109,7 @@ def of_hamiltonian(
     tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
 ) -> Equations:
     """Return the equations x' = K grad H, for the operand `energy` of H and the entries of K."""
-    # Operations in an order that H determines: an H that is read from text has the same gradient.
+    # H alone determines the order of operations: so an H read from a text has the same gradient.
     values, [H] = in_order(tracer.values, [energy])
     [slopes] = gradients(values, [*values.operations], [H], len(names))
     rows: list[Any] = [None] * len(names)  # None, because 0 is the number of the first variable

@@ -75,7 +75,7 @@ def numbers_by_name(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 def plain(value: Any) -> float | str:
     """Return a number as an equal float, or as a string "p/q" if there is no such float."""
-    number = exact("value", value) if value else 0  # most entries of tensors are 0
+    number = exact("value", value) if value else 0  # for speed: most entries of tensors are 0
     return float(number) if float(number) == number else str(number)
 
 

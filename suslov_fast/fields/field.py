@@ -123,7 +123,7 @@ class Field(Traced):
         mass: Any = None,
         **parameters: Any,
     ) -> None:
-        check_callable("f", f)  # first, because `names` are absent if f is a text
+        check_callable("f", f)  # first: if f is a text, this error helps more than missing `names`
         names = variables(names)
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None

@@ -98,7 +98,7 @@ class Map(Traced):
     def _displacement(self) -> Field:
         """The field f(x) - x; its equilibria are the fixed points of the map."""
         parts = self._equations
-        values, results = in_order(parts.values, parts.results)  # a copy
+        values, results = in_order(parts.values, parts.results)  # a copy, as `emit` adds to it
         rates = [values.emit("fsub", a, i) for i, a in enumerate(results)]
         equations = Equations(self.names, parts.parameters, values, rates)
         return Field._of({**self._parts, NAMES: self.names, EQUATIONS: equations})

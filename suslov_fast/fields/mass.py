@@ -22,7 +22,7 @@ from .trace import check_function, operands_of_function, taken, taking
 
 _LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is below this
 # A difference counts as 0 if it is below _CANCELLED times its terms' moduli in a fraction _MOST or
-# more of _SAMPLES random states. At other states elimination may amplify rounding errors.
+# more of _SAMPLES random states. At the others rounding errors may be larger, by elimination.
 _MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
 MOST = 4  # the most equations that Cramer's rule solves: for n equations it needs 2**n minors
 

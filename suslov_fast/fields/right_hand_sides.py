@@ -30,13 +30,13 @@ _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 # A program of up to _MOST_OPERATIONS operations is compiled after _PATIENCE calls in NumPy, because
 # compiling it takes no longer than these calls took.
 _PATIENCE, _MOST_OPERATIONS = 500, 3000
-_LONG = 4000  # number of terms above which loops evaluate a field with few zero coefficients
+_LONG = 4000  # number of terms above which loops, not a list, compute f if few coefficients are 0
 
 # Parameters with respect to which motions are differentiated, in addition to their initial states;
 # None for motions without derivatives.
 Names = tuple[str, ...] | None
 Actions = tuple[EventAction, ...]
-_known_forms: dict[Any, tuple[float, ...]] = {}  # the constants of each form's first equations
+_known_forms: dict[Any, tuple[float, ...]] = {}  # by form: constants of its first equations
 
 
 class OfMembers(NamedTuple):
@@ -155,7 +155,7 @@ def _with_inputs(
     f, constants = _with_constants(equations, wrt, actions)
     if (P := len(parameters)) == f.P:
         return f, parameters
-    # The last parameters are branches and the starts of clocks, which steps set for each state.
+    # Constants follow, then branches and start values of clocks, which steps set for each state.
     given = np.zeros((f.P, *parameters.shape[1:]))
     given[:P] = parameters
     if constants:
@@ -171,7 +171,7 @@ def of_terms(terms: Terms, D: int, wrt: Names, actions: Actions) -> list[OfMembe
     patterns, which = exists[:1], np.zeros(len(rows), np.int64)
     if not exists.all():
         patterns, which = np.unique(exists, axis=0, return_inverse=True)
-    for k, pattern in enumerate(patterns):  # the tests in a step depend on which terms there are
+    for k, pattern in enumerate(patterns):  # terms that exist decide what steps test: `of_one_sign`
         members = np.flatnonzero(which.reshape(-1) == k)
         places, inputs = indices[:, pattern], rows[np.ix_(members, pattern)]
         full = full_quadratic(Terms(places, inputs), D) if wrt is None and not actions else None

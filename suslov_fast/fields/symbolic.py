@@ -297,7 +297,7 @@ def _wrapped(value: Any) -> Any:
 
 
 _MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
-_as_array = np.asarray  # NumPy's own `asarray`, also while f is called
+_as_array = np.asarray  # NumPy's own: `called_with_symbols` replaces `np.asarray`
 _ONE_CALL = threading.RLock()
 if hasattr(
     os, "register_at_fork"

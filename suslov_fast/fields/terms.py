@@ -24,7 +24,7 @@ class Terms(NamedTuple):
     same indices, and no term is 0 for all members of a family.
     """
 
-    indices: NDArray[np.int64]  # (3, T)
+    indices: NDArray[np.int64]  # rows i, j and k (3, T)
     values: Any  # (..., T), floats or fractions
 
     @property

@@ -169,7 +169,7 @@ def operands_of_function(
             calls.append([*map(tracer.result, alone)])
         except (TypeError, ValueError) as error:
             raise type(error)(f"{argument}: {error}") from None
-    first, second = ([*map(repr, each)] for each in calls)  # equal operations get one number
+    first, second = ([*map(repr, each)] for each in calls)  # numbers: equal operations share one
     if first != second:
         how = "f must compute from x and its parameters alone, without random numbers or memory"
         raise ValueError(f"{argument}: two calls of f differ: {how}")

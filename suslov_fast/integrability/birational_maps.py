@@ -27,7 +27,7 @@ from .rational_functions import RationalFunction, factored, over_common_denomina
 TERMS = 100_000  # the most terms of a polynomial that is factored, which takes some 5 s
 TERMS_IN_LETTERS = 3_000  # the most terms of a polynomial in several letters that is factored
 LONGEST = 6.0  # the most seconds of a pullback, as estimated; longer ones are not computed
-FEW = 100  # monomials times degree of a map, up to which the image of a line takes little time
+FEW = 100  # monomials times degree of a map, above which the image of a line takes longer: `length`
 
 
 class RationalMap(rational_functions.WithLetters):
@@ -43,7 +43,7 @@ class RationalMap(rational_functions.WithLetters):
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
     hamiltonian: Any = None  # Hamiltonian of the field of a Kahan map, a polynomial
-    modified_energy: Any = None  # first integral H + O(eps) of this H; None if it is constant
+    modified_energy: Any = None  # the first integral H + O(eps) of this map; None if constant
     _latest: tuple[Any, Any] = None, None  # the last modulus, and the forms modulo it
     _latest_numbers: Any = None, None  # the last numbers for letters, and the map for them
 

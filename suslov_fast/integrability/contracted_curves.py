@@ -28,8 +28,8 @@ from .polynomials import coefficients_in, cramer, determinant, irreducible_facto
 
 _PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
 _TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried in this order
-_LINES = 20  # number of lines on which a point of a curve is sought
-_PRIMES = 80  # largest number of primes that are tried
+_LINES = 20  # the most random lines on which a point of a curve is sought
+_PRIMES = 80  # the most primes that are tried until two of them agree
 _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger coefficients
 
 
@@ -78,7 +78,7 @@ class Step(NamedTuple):
 
     germ: list[Any]  # the image, divided by t**common_order
     common_order: int
-    curve_orders: tuple[int, ...]  # orders in t of the curves' equations on the germ before a step
+    curve_orders: tuple[int, ...]  # orders in t of curves' equations on the germ before the step
 
 
 class PlaneModulo:
@@ -246,7 +246,7 @@ class _Germs:
         names = ["eps"] * plane.symbolic + ["r", "s", "t"]
         self._ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
         *self._eps, self._r, self._s, self._t = self._ring.gens()
-        self._modulus = self._r  # the monic polynomial that is 0 at r; here r = 0
+        self._modulus = self._r  # a monic polynomial with the root r; the polynomial r means r = 0
         degree, count = plane.degrees[number], 1
         self._point = [self._ring.constant(1)] * 3
         if degree > 1:
@@ -268,7 +268,7 @@ class _Germs:
         *lower, leading = next(coefficients for coefficients in every if len(coefficients) > 1)
         n = len(lower)
         terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
-        self._modulus = sum(terms, self._r**n)  # this polynomial has the root r * `leading`
+        self._modulus = sum(terms, self._r**n)  # its roots are `leading` times those of P
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:
@@ -355,7 +355,7 @@ class _Germs:
         def coefficients(P: Any) -> list[Any]:
             return [*coefficients_in(P, -3), *zeros][:n]
 
-        # The inverse of the coordinate `last` solves a linear system, up to a factor.
+        # A linear system gives 1 / `last`, up to a factor: this coordinate becomes free of r.
         products = [coefficients(self._reduced(last * self._r**k)) for k in range(n)]
         *inverse, _ = cramer([*map(list, zip(*products, coefficients(self._r**0), strict=True))])
         multiple = sum(c * self._r**k for k, c in enumerate(inverse))

@@ -261,8 +261,9 @@ def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunct
     if (determinant := map.jacobian_cofactor) is None:
         needed = f"a map with an inverse, and factors of at most {TERMS} terms"
         raise ArithmeticError(f"the factors of det DPhi are not known: they need {needed}")
-    # The zeros of the Jacobian determinant of F have images of lower dimension. The zeros of any
-    # other factor of a pullback are mapped to a hypersurface, and this factor has a cofactor.
+    # Factors of C are sought among those of the Jacobian determinant of F, whose zeros have images
+    # of lower dimension. Zeros of other factors of a pullback P(F) are mapped to a hypersurface
+    # P = 0: mostly these factors belong to P, not to C.
     jacobian = factored(map.forms[-1]) ** (map.dimension + 1) * determinant
     factors = [f for f, _ in jacobian.factors if degree_of(f)]
     at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree

@@ -111,8 +111,8 @@ class Growth(NamedTuple):
     based_on: str
 
 
-_LONG = 200_000  # degree times `length` of a map, above which the next degree takes over 10 s
-_SPARE = 3  # the least number of degrees that confirm a recurrence
+_LONG = 200_000  # expected degree of an iterate times `map.length`, above which it takes over 10 s
+_SPARE = 3  # the least number of degrees that confirm a recurrence, besides those that determine it
 _ROUNDING = 1e-9  # relative rounding error of the modulus of a root
 _LAST = 3  # number of last quotients d_(k+1) / d_k, which decide without a recurrence:
 _LEAST = 1.5  # growth is called exponential if all last quotients are above this,

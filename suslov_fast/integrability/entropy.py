@@ -26,7 +26,7 @@ from .polynomials import determinant
 from .rational_functions import IDENTITY, RationalFunction
 
 _STEPS = 80  # the most steps of the orbit of a contracted curve
-_DEGREES = 24  # number of degrees that are predicted
+_DEGREES = 24  # number of degrees of iterates that are predicted
 _HIGHEST = 1_000  # the largest predicted degree that is compared with the degree on random lines
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
 _TRIES = 3  # number of points, and of values of eps, for each small prime

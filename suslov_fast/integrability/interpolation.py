@@ -179,7 +179,7 @@ def _interpolated(
             in_z = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
             pairs[i] = _with_unit(in_z, p)
         return pairs
-    # Coefficients in z of N and D on each line, for each entry: as many as on the first line.
+    # For each entry, how many coefficients in z N and D have: on each line as many as on the first.
     sizes = [[max(P.degree(), 0) + 1 for P in pair or ()] for pair in quotients]
     coefficients: list[Any] = [[] for _ in varying]
     parts: list[Any] = [None for _ in varying]
@@ -229,7 +229,7 @@ class Line:
         while max(N.degree(), 0) + D.degree() + 3 > len(values):
             if N.degree() <= lowest:
                 return None
-            q = last_N // N  # Euclid's algorithm keeps N = D times the interpolating polynomial
+            q = last_N // N  # Euclid's algorithm keeps N = D * value at each point z
             N, last_N, D, last_D = last_N - q * N, N, last_D - q * D, D
         common = N.gcd(D)
         return N // common, D // common

@@ -30,7 +30,7 @@ from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, q
 _TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
 _WEIGHT = 2**40  # weight of equations in a lattice: large, so that short vectors satisfy them
 _HIGHEST = 8  # the largest degree of functions for which limits for eps to 0 are computed
-_LETTERS = 6  # the most letters with which reducible members of a pencil are sought: more take long
+_LETTERS = 6  # the most letters in a pencil whose reducible members are sought: more take long
 _PRODUCTS = 20_000  # the most products of generators; others are left out
 
 
@@ -60,10 +60,10 @@ class Invariants:
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
-        self._normal: dict[int, str] = {}  # texts of spaces in normal form, by cofactor value
+        self._normal: dict[int, str] = {}  # by cofactor value: the space in normal form, as text
         # Lists of polynomials with the same unknown cofactor.
         self.spaces: list[list[RationalFunction]] = []
-        self.densities: list[RationalFunction] = []  # 1 / det A, if there is a Hamiltonian
+        self.densities: list[RationalFunction] = []  # 1 / det A of Kahan's map, for a Hamiltonian
         self.early_densities: list[RationalFunction] = []  # found before det DPhi is factored
         self.has_factors = False  # True when the factors of det DPhi are known
         self._point = arithmetic.random_point(map.dimension, self.p)

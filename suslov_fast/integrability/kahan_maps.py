@@ -239,7 +239,7 @@ class KahanMap(RationalMap):
         f, pairs = [zero] * D, [*combinations(range(D), 2)]
         for (i, j, k), v in self._rates[0]:
             f[i] += v * x[j] * x[k]
-        conditions = []  # for L f to be a gradient, for each L with one pair of entries 1, -1
+        conditions = []  # curl L f (0 for a gradient), for each L with one pair of entries 1, -1
         for k, l in pairs:
             g = [zero] * D
             g[k], g[l] = f[l], -f[k]

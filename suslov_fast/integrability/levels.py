@@ -22,7 +22,7 @@ from .exact_maps import checked_map, has_inverse
 from .polynomials import coprime, degree_of, homogenized, letters_in, polynomial_ring
 from .rational_functions import RationalFunction, factored, independent, quotients_of
 
-_OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates of a point of a generic level; one more is a letter
+_OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates in `generic_point`; one coordinate is a letter
 _WIDTH = 60  # the most characters of a polynomial in the text
 
 
@@ -239,11 +239,11 @@ class _Equations:
         x2 are the variables of the plane.
         """
         one = self.plane.constant(1)
-        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in `plane`
+        start = [homogenized(a, 0, [one] * len(x), self.plane) for a in x]  # x in this ring
         d = [0 * one] * len(x)  # the direction
         for k, a in zip(kept, (*self.plane.gens()[-2:], one), strict=True):
             d[k] = a
-        # The quadric meets the line x + s d at s = -b / a.
+        # On the line x + s d the quadric is a s**2 + b s, which is 0 again at s = -b / a.
         a = homogenized(quadric, 2, d, self.plane)
         ends = [p + e for p, e in zip(start, d, strict=True)]
         b = homogenized(quadric, 2, ends, self.plane) - a

@@ -30,7 +30,7 @@ from .interpolation import Line, over_rationals
 from .polynomials import Exponents, Polynomials, exponents_up_to, monomial_values, polynomials_with
 from .rational_functions import MODULAR, RationalFunction, quotient_of
 
-_ORBITS = 3  # relations along so many orbits span the relations along all orbits
+_ORBITS = 3  # random orbits; their relations together span the relations of every orbit
 
 
 def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:
@@ -123,7 +123,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
 
 
 _ORDERS = 200  # random orders of the monomials; each gives circuits, minimal dependent sets
-_QUOTIENTS = 4_000  # the most quotients of coefficients for which degrees are compared
+_QUOTIENTS = 4_000  # the most quotients c_i / c_j, in all circuits, of which degrees are computed
 _DEGREES = 5, 11, 23  # bounds of the degrees of quotients, tried in this order
 TERMS = 300  # the most terms of a formula that is written out
 
@@ -172,10 +172,10 @@ class ImplicitIntegral:
     def value(self, map: RationalMap, x: list[Any]) -> Any:
         """Return the value at a point (x1, ..., xD, 1) of exact numbers; `map` has no letters."""
         others = [e for e in self.monomials if e != self.denominator]
-        before = (len(others) - 1) // 2 if map.inverse else 0  # points before x
+        before = (len(others) - 1) // 2 if map.inverse else 0  # how many points before x
         earlier = [*map.inverse.orbit(x, before + 1)][:0:-1] if before else []
         orbit = [*earlier, *map.orbit(x, len(others) - before)]
-        # If the denominator has the coefficient 1, the other coefficients solve a linear system.
+        # If the monomial `denominator` has the coefficient 1, a linear system gives the others.
         rows = [monomial_values(others, y) for y in orbit]
         right = [[-monomial_values([self.denominator], y)[0]] for y in orbit]
         try:
@@ -267,7 +267,7 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
     if not sets:
         return
     on_line, points = _on_random_line(map, sets, rng), list[tuple[int, list[list[int]]]]()
-    # Quotients of coefficients: the number of a set of monomials, the positions of two of them.
+    # Quotients c_i / c_j of the relation of the circuit number k in `sets`, as (k, i, j).
     unknown = [(k, *pair) for k, e in enumerate(sets) for pair in combinations(range(len(e)), 2)]
     for most in _DEGREES:
         points += islice(on_line, 2 * most + 3 - len(points))
@@ -286,7 +286,7 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     """Return the formula of an integral; None if it has too many terms."""
     map, D = integral.map, integral.map.dimension
-    # One polynomial, numerator + y denominator, with an additional variable y.
+    # One polynomial is sought, numerator + y denominator, with an additional variable y.
     exponents = tuple((*e, y) for y in (0, 1) for e in exponents_up_to(integral.degree, D))
 
     def search(p: int, eps: Values) -> Residues:
@@ -295,7 +295,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
         for _ in range(len(exponents) + EXTRA):
             x = arithmetic.random_point(D, p, rng)
             quotient = integral.value(at_number, x)
-            # numerator - quotient * denominator = 0
+            # An equation for coefficients: numerator - quotient * denominator = 0 at x.
             rows.append(monomial_values(exponents, [*x[:-1], -quotient]))
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []

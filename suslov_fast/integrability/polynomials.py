@@ -24,7 +24,7 @@ Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
 A = TypeVar("A")
 
-_LETTER = "_letter_"  # prefix that tells letters (symbolic parameters) but eps from variables x
+_LETTER = "_letter_"  # prefix of all letters (symbolic parameters) except eps; variables x lack it
 
 
 def _from_terms(names: Any, terms: Any) -> Any:

@@ -37,7 +37,7 @@ class WithLetters:
 
     letters: Any  # names of the letters
     _with: Any  # the method that returns the map or function with numbers for letters
-    _may_lack_letters = False  # True for functions: `subs` accepts one without letters
+    _may_lack_letters = False  # True for functions: `subs` without letters is no error
 
     @property
     def letter(self) -> str:

@@ -28,7 +28,7 @@ from .symmetries import Reversor
 _WIDTH = 150  # characters; of a longer polynomial a report shows the degree and number of terms
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 _ROUNDING = 1e-12  # two values of the entropy that differ by at most this are equal up to rounding
-_SHOWN = 64  # `progress` prints after 64, 128, 256, ... sets of numbers in place of letters
+_SHOWN = 64  # progress=True prints a line after 64, 128, 256, ... sets of values of the letters
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
     "and densities belong to invariant measures only if the map is one to one."
@@ -49,7 +49,7 @@ class Report:
     """
 
     map: RationalMap
-    degree: int  # the largest degree that was searched
+    degree: int  # the argument `degree` of `report`
     degrees: list[int] = dataclasses.field(default_factory=list)
     integrals: Functions = ()  # independent integrals
     implicit: tuple[ImplicitIntegral, ...] = ()  # further independent integrals, without a formula
@@ -57,9 +57,9 @@ class Report:
     polynomials: Functions = ()
     symmetries: tuple[Reversor, ...] = ()  # reversing symmetries of a field
     planar: PlanarEntropy | None = None  # entropy of a birational map of the plane
-    level: Level | None = None  # a level of D - 2 integrals, as `on_level` chooses it
+    level: Level | None = None  # level of D - 2 integrals that the function `on_level` chose
     on_level: PlanarEntropy | None = None  # entropy of the map on `level`
-    relations: int | None = None  # number of integrals that relations between monomials show
+    relations: int | None = None  # number of independent integrals, by `count_relations`
     searched: list[str] = dataclasses.field(default_factory=list)
     notes: list[str] = dataclasses.field(default_factory=list)
     finished: bool = False
@@ -300,7 +300,7 @@ class _Watched(Watch):
 
     def __init__(self, search: Search, progress: Any) -> None:
         self._search, self._progress, self._start = search, progress, perf_counter()
-        self._left_out: dict[str, list[str]] = {}  # kinds of tasks, by why they left out functions
+        self._left_out: dict[str, list[str]] = {}  # {why functions were left out: kinds of tasks}
         letters, count = ", ".join(search.map.letters) or "none", search.unknowns(search.degree)
         self._print(f"letters {letters}; {count} monomials to degree {search.degree}")
         search.queue.at_start = self._print

@@ -26,11 +26,13 @@ from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, with
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
 from .symmetries import DEGREES, Reversor, reversors
 
-_FEW = 80  # polynomials above the degree asked for are sought with at most so many coefficients
+# Polynomials above the `degree` of the report, or to shorten integrals that have no more than this
+# degree, are sought only if they have at most so many coefficients.
+_FEW = 80
 _ENOUGH = 10  # so many iterates are enough if their degrees satisfy a recurrence
 _MOST = 40  # the most iterates for which degrees are computed
-_CHEAP = 100  # up to this latest degree more than _ENOUGH iterates follow: they take little time
-_COSTLY = 3_000  # expected degree times `map.length`; above it iterates end if the growth is known
+_CHEAP = 100  # while degrees are at most this, iterates beyond _ENOUGH follow: they are cheap
+_COSTLY = 3_000  # expected degree times `map.length`, above which known growth ends the iterates
 _TOO_COSTLY = 8_000  # iterates of a higher expected degree are not computed
 # If the latest degree times `map.length` is larger, no iterate follows; at this value the next one
 # takes 1 to 4 s (maps of `zoo`, AMD EPYC).
@@ -146,7 +148,7 @@ class Search:
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
         self.on_level: PlanarEntropy | None = None  # the entropy of the map on `level`
-        self._searched_to: dict[int, int] = {}  # {value of a cofactor: degree of its latest task}
+        self._searched_to: dict[int, int] = {}  # {cofactor at a random point: degree searched}
         self._of_relations: list[ImplicitIntegral] = []  # from minimal sets of dependent monomials
         self._known: Known | None = None  # None after a change of `invariants`
         self.queue = Queue(self._first_tasks(), self._is_wanted)
@@ -183,11 +185,11 @@ class Search:
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials of this degree may add integrals, or replace longer ones."""
         is_small = self.unknowns(degree) <= _FEW
-        if degree > self.degree:  # up to twice, for products of two conjugate polynomials
+        if degree > self.degree:  # up to twice: P times its conjugate, if P is not rational
             return is_small and len(self.known.integrals) < (self.relations or 0)
         if not self.is_complete:
             return True
-        if len(self.map.letters) > 1:  # a replacement of integrals costs more than it is worth
+        if len(self.map.letters) > 1:  # to seek shorter integrals would take too long
             return False
         highest = max((f.degree for f in self.known.integrals), default=0)
         return highest > self.degree or (is_small and degree <= highest)
@@ -314,7 +316,7 @@ class Search:
         independent = independent_of(self.known.integrals, candidates, self.map.prime)
         self._of_relations = [*islice(independent, missing)]
         self._known = None
-        # Tasks "formulas" run late: Darboux polynomials, found before, often give simpler formulas.
+        # Tasks "formulas" run late: Darboux polynomials, found first, often give simpler integrals.
         for integral in self._of_relations:
             if self.unknowns(integral.degree) <= linear_relations.TERMS:
                 yield Task(partial(self._write_out, integral), "formulas", integral.degree)
@@ -424,7 +426,7 @@ class Search:
         new = self.invariants.normalize(value)
         self._known = None
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
-            if (cofactor := self.map.cofactor(P)) is not None:  # g is dropped for its factors
+            if (cofactor := self.map.cofactor(P)) is not None:  # such factors replace g
                 yield from self._add_generator(P, cofactor)
         yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 

@@ -168,7 +168,7 @@ def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> 
     for e in monomials[:count]:
         times_variables = [row[tuple(map(add, e, unit))] for unit in units]
         products.append(linear_form @ values[times_variables] % p)
-    # As many random combinations of these rows as there are solutions make a square matrix.
+    # Random combinations of the `count` rows make matrices square: one row for each solution.
     draws = [rng.randrange(p) for _ in range(solutions * count)]
     mix = flint.nmod_mat(solutions, count, draws, p)
     before, after = (

@@ -75,12 +75,12 @@ class StepMethod(NamedTuple):
     # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
-    # Divides a batch by the operations of a step; yields the indices and arguments of each group.
+    # Yields groups of trajectories whose steps have the same operations: indices and arguments.
     divide: Callable[[Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] has the number of each trajectory's first state beyond a pole, else 0. It is
     # negative if a wrong sign of a component showed the pole, and positive if det A < 0 did.
     notes_poles: bool = False
-    # True if a part of a step goes backwards, so that modes that decay fast look like poles.
+    # True if a substep goes backwards: fast decay may make det A < 0 there, as a pole does.
     goes_back: bool = False
 
 

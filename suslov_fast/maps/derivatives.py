@@ -110,7 +110,7 @@ class _Part:
         self.by_numpy = not extended.usual  # the step is too long for a program
         of_step = scheme if self.by_numpy else Scheme(extended, scheme.stages)
         self.arguments, self.notes = (of_step, values, eps), _no_notes(B)
-        # The state, orthonormal columns, and the sums of logarithms of their lengths.
+        # The state, D orthonormal tangent vectors, and sums of the logarithms of their growth.
         columns = np.tile(np.eye(self.D).ravel(), (B, 1))
         self.x = np.concatenate([x, columns, np.zeros((B, self.D))], axis=1)
 
@@ -167,7 +167,7 @@ def growth(
         carry, status[part.where], failed_at[part.where] = part.notes
         by_sign[part.where] = carry[0] < 0.0
     if not any(method.notes_poles for method in problem.map.methods.values()):
-        status = np.minimum(status, 0)  # passed poles, which runs of this map do not report
+        status = np.minimum(status, 0)  # PASSED_POLE becomes 0: runs of this map do not report it
     done = max(n - transient, 0)
     sums[(status < 0) | (done == 0)] = np.nan
     return TangentGrowth(sums, status, failed_at, by_sign, done)

@@ -51,7 +51,7 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     return np.linalg.eigvals(slopes).astype(complex)
 
 
-# For the functions of `kahan` of any field; bodies have formulas of their own.
+# Formulas of the functions in the module `kahan`, for any field; bodies have their own.
 KAHAN = {
     "matrix": Formula(_matrix),
     "jacobian": Formula(jacobian),

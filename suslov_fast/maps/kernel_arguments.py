@@ -94,7 +94,7 @@ def map_system(body: Any, _: float) -> FieldSystem:
 
 def nd_system(body: Any, eps: float) -> NDSystem:
     """Return the constants of a single body in n dimensions, for `compiled`."""
-    # A step looks for divisors J_i - eps I.x / 2 near 0 if eps I.x / 2 is at least `near`.
+    # If eps I.x / 2 < `near`, no divisor J_i - eps I.x / 2 is near 0, and a step looks for none.
     near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
 

@@ -10,7 +10,7 @@ import suslov_fast
 from ..checks import integer
 from ..core.numba.decorators import Kernel
 
-# Steps of all trajectories together below which a call is serial. Measured on two cores: threads
+# A call of fewer steps, of all trajectories together, is serial. Measured on two cores: threads
 # that are awake gain from about 10,000 on, but less than 0.1 ms up to this number, and a sleeping
 # thread may take 8 ms to wake.
 CROSSOVER = 1_000_000

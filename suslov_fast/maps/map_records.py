@@ -37,8 +37,8 @@ class Discretization:
     # The functions of `kahan`, and the methods of the class that accept a state, by their names.
     formulas: Mapping[str, Formula]
     stages: Stages = WHOLE  # a step consists of steps of Kahan's map by these fractions of eps
-    # The angular velocity that a state is: "axial" for (Omega1, Omega2), "in_rows" for (Omega_1n,
-    # ..., Omega_n-1,n), None if it is none.
+    # How a state gives an angular velocity: "axial" as (Omega1, Omega2), "in_rows" as (Omega_1n,
+    # ..., Omega_n-1,n), None if the state is not an angular velocity.
     attitude: Literal["axial", "in_rows"] | None = None
     # eigenvalues(problem, slopes) returns the eigenvalues (..., D) of f', `slopes` (..., D, D), at
     # steady states; the `multipliers` follow from them.

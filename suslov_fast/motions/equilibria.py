@@ -27,16 +27,16 @@ from ..keywords import lacking, public
 from ..results.result import place_in
 from ..status import Status
 
-_MOST, _MOST_DAMPED = 30, 60  # the most Newton steps, and the most fractions of Newton steps
+_MOST, _MOST_DAMPED = 30, 60  # the most Newton steps, and the most damped Newton steps
 _SHORTER = 0.25  # the largest ratio of a step to the step before; above it Newton's method ends
 _FARTHEST = 2.0  # the largest ratio of a step to the state; above it Newton's method ends
 # Steps of Newton's method, divided by the state. A step below _ROUNDING is the last one; so is a
 # step that does not shrink by the factor _SHORTER after a step below _SMALL.
 _ROUNDING, _SMALL = 1e-14, 1e-8
-_LEAST = 1e-6  # as a unit of steps, a component counts at least this part of the largest one
-_RANK = 1e-12  # singular values of a scaled matrix that count as 0, divided by the largest one
+_LEAST = 1e-6  # the unit of a component is at least this part of the largest component
+_RANK = 1e-12  # singular values up to this part of the largest one count as 0
 _WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest singular value
-_PROBE = 1e-6  # relative displacement of an equilibrium, to which Newton's method must lead back
+_PROBE = 1e-6  # Newton's method leads back to a regular equilibrium from this relative displacement
 _COUNTED = 10_000  # the most starts for which the text of the result counts different states
 _NEUTRAL = 2.0**-48  # rates of growth up to this part of the largest entry of f' count as 0
 _ZERO = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`

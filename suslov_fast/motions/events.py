@@ -23,8 +23,8 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event, traced
 
-# `starts_at_rest` evaluates a surface function before and after x0, at _NEAR times the size of x0
-# from it. The state x0 rests if both values differ by at most _EVEN times their size.
+# `starts_at_rest` evaluates a surface function s before and after x0, at _NEAR times the size of x0
+# from it. x0 rests (ds/dt = 0) if both values differ by at most _EVEN times their size.
 _NEAR, _EVEN = 2.0**-16, 2.0**-8
 
 
@@ -117,7 +117,7 @@ class Events(Result):
     final: FloatArray
     _given: tuple[Event, ...] = field(default=(), compare=False)
     _by: tuple[str, ...] = ()
-    _time_by: FloatArray | Any = None  # derivatives of `time` (K, C), with respect to x0 first
+    _time_by: FloatArray | Any = None  # derivatives (K, C) of `time` by C variables: x0, parameters
     _before_by: FloatArray | Any = None  # derivatives of `before` (K, D, C)
     _states_by: FloatArray | Any = None  # derivatives of `states` (K, D, C)
 

@@ -22,9 +22,9 @@ from ..maps.kernel_arguments import ALL
 from ..maps.kernel_calls import available
 from ..status import Status
 
-_IN_THREADS = 64  # the most trajectories that one thread takes, unless the user asks for threads
+_IN_THREADS = 64  # up to so many trajectories share one thread, unless the user passes `threads`
 _LONG = 30_000  # with more operations of f, which take over 3 s to compile, a warning says so
-_LARGE = 50  # with a dense f', LSODA is faster for more equations: measured on rate networks
+_LARGE = 50  # with more equations and a dense f', LSODA is faster: measured on rate networks
 _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
 # Why digits are in doubt. FELL: a component fell below 1e-300. NO_DIGITS: the solution ends sooner
 # if the allowed errors of small components are relative to their values.
@@ -62,7 +62,7 @@ class Records(NamedTuple):
     time: FloatArray  # (K,)
     before: FloatArray  # (K, D)
     states: FloatArray  # (K, D), after the event
-    of_columns: Any = None  # (K, C + 2 D), for derivatives, see `sensitivities._of_records`
+    of_columns: Any = None  # (K, C + 2 D), for C columns of derivatives, see `_of_records`
     # Derivatives of `time` (K, C), and of `before` and `states` (K, D, C), if they are computed.
     time_by: Any = None
     before_by: Any = None
@@ -116,7 +116,7 @@ class Rows(NamedTuple):
             rows = np.take(rows, order, axis=0)
         trajectory, time = rows[:, 0].view(np.int64), rows[:, 2]
         if ((trajectory[1:] == trajectory[:-1]) & (time[1:] < time[:-1])).any():
-            # Events in one step may be out of order in time. `lexsort` takes many times as long.
+            # Events in one step may be out of order in time. The slower `lexsort` sorts only then.
             rows = np.take(rows, np.lexsort((time, trajectory)), axis=0)
         trajectory, which = rows[:, :2].view(np.int64).T.copy()
         before, states, others = (a.copy() for a in np.split(rows[:, 3:], (first - 3, last - 3), 1))
@@ -126,10 +126,10 @@ class Rows(NamedTuple):
 class Ends(NamedTuple):
     """The ends of B trajectories."""
 
-    t: FloatArray  # (B,), the time at which a trajectory ended, NaN if it reached the last one
+    t: FloatArray  # (B,), the time of a trajectory's end, NaN if it reached the last time asked for
     status: NDArray[np.int8]  # (B,)
     doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
-    repeated: NDArray[np.int8]  # (B,), 1 if a trajectory was computed again, else 0
+    repeated: NDArray[np.int8]  # (B,), 1 if computed again after an alarm (lost digits), else 0
 
 
 class SolverResult(NamedTuple):
@@ -137,9 +137,9 @@ class SolverResult(NamedTuple):
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
     columns: dict[str, NDArray[Any]]  # {name in `COLUMNS`: array (B,)}
-    ends: Ends | None = None  # None only if none ended early, was repeated or is doubtful
+    ends: Ends | None = None  # None only if no trajectory ended early, was repeated or is doubtful
     records: Any = None  # `Records` or `Rows`, if there are events
-    derivatives: Any = None  # (n, B, D, C), if they are asked for
+    derivatives: Any = None  # (n, B, D, C), by C variables, if they are asked for
     is_stopped: bool = False  # whether `report` ended the run
 
     @property

@@ -75,7 +75,7 @@ class Sliding:
         times = (request.event_times or NO_EVENT_TIMES).of(where)
         rows = len(times.times)
         which = np.broadcast_to(times.which + self.count + 1, times.times.shape)
-        times = EventTimes(  # with the event at time 0 that sets all modes
+        times = EventTimes(  # before the given times, time 0 for the event that sets all modes
             np.concatenate([np.zeros((rows, 1)), times.times], axis=1),
             np.concatenate([np.full((rows, 1), float(self.surfaces + self.count)), which], axis=1),
         )
@@ -113,8 +113,8 @@ class Sliding:
             part = to_tolerance(groups, field.shape, self.starts, K, self.request)
         of_part, ends = part.records.in_order(), part.all_ends
         status = ends.status
-        # SLIDING: an infinite mode says that no modes are consistent, or several. Without surfaces
-        # of the user's events, events that accumulate are changes of modes.
+        # An infinite mode says that no values of modes are consistent, or several: status SLIDING.
+        # If the user has no events on surfaces, changes of modes accumulate: SLIDING, too.
         status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
         if not self.surfaces:
             status[status == Status.ACCUMULATES] = Status.SLIDING

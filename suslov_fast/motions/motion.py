@@ -82,9 +82,9 @@ class Motion(States):
     end: FloatArray
     steps: NDArray[np.int64]
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
-    _again: NDArray[np.int8] | Any = None  # 1 where a trajectory was computed again
+    _again: NDArray[np.int8] | Any = None  # 1 if computed again after an alarm (lost digits)
     _by: tuple[str, ...] = ()  # the argument `derivatives`
-    _derivatives: FloatArray | Any = None  # of states (n, ..., D, C), with respect to x0 first
+    _derivatives: FloatArray | Any = None  # (n, ..., D, C), by C variables: x0, parameters
     _phases: FloatArray | Any = None  # rows of `phases.rows_of`, if anything slides or rests
     _surfaces: tuple[str, ...] = ()  # texts of the surfaces in `phases`
     # The fields of `Settings`.
@@ -96,7 +96,7 @@ class Motion(States):
     @classmethod
     def _restored(cls, attributes: dict[str, Any], about: dict[str, Any]) -> Motion:
         parts = {each.name: attributes.pop(f"events.{each.name}") for each in OF_EVENTS}
-        attributes["events"] = attributes.pop("events.count")  # None without events
+        attributes["events"] = attributes.pop("events.count")  # replaced below; None without events
         motion = cls._of(attributes)
         if motion.events is not None:
             given = tuple(map(Event.from_dict, about["events"]))

@@ -26,7 +26,7 @@ RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
-_FEW = 64  # up to so many numbers Python finds the largest faster than NumPy
+_FEW = 64  # the most times of which Python finds the largest faster than NumPy
 _RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of `Settings` if only rtol, a float, is given
 # By status, the verb of a sentence about solutions that stop before the last time.
 CAUSES = {

@@ -42,11 +42,11 @@ _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # least unit of components and residuals, as a part of the largest range
 _ROUNDING = 2.0**-49  # relative rounding error of T, which matters where states change fast
 _STRONG = 1e3  # weight of the equation that keeps the phase, see `keeps_phase`
-_LOOKS = 512  # number of states of a motion that are compared with its start
+_LOOKS = 512  # number of states from which ranges of components and returns are found
 _OF_FORCE = 1e-6  # largest relative difference of motions that start one period of the force apart
 _FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
-# The longest time until a near return, in units of |x / f(x)|, and how often it is halved for the
-# first search.
+# The longest time until a near return, in units of |x / f(x)|. The first search ends at this time
+# divided by 2**_DOUBLINGS, each further search at twice the time of the one before.
 _LAST, _DOUBLINGS = 2.0**16, 28
 _INSIDE = np.arange(33) / 32  # fractions of an interval at which a search for a return is refined
 # Distances from the start, in units of the extent of the orbit: the largest at which a return is
@@ -147,7 +147,8 @@ class Shooting:
         self.largest = max(largest, _LEAST_SIZE * float(self.units.max(initial=0.0)))
         gaps = np.where(np.isnan(self.gaps), np.inf, abs(self.gaps))
         self.residual = float(gaps.max(initial=0.0) / self.largest)
-        self.distance = float(np.linalg.norm(gaps / self.units))  # short Newton steps reduce it
+        # A short enough Newton step reduces this norm, but not always the largest gap.
+        self.distance = float(np.linalg.norm(gaps / self.units))
 
     @property
     def growth(self) -> float:

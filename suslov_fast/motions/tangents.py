@@ -38,16 +38,16 @@ from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 _MOST = 40  # m of the shortest segment, which has 2**-m of the time
 _UNITS = 2**_MOST  # number of shortest segments in the whole time
 _ROOM = 8.0  # the largest product of the length of the first segment and the size of f'
-# A segment is short enough if no entry of the diagonal of R exceeds _LARGEST, and all exceed _LEAST
-# and _LEAST times the largest entry: allowed errors are relative to the longest tangent vectors.
+# A segment is short enough if the diagonal of R is below _LARGEST, above _LEAST, and above _LEAST
+# times its largest entry, because allowed errors are relative to the longest tangent vectors.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
 _OF_ALL = 2.0**-6  # each column at time 0: an eigenvector plus this part of all directions
-# After the shortest segment an entry of R has no digits if it is at most _DEAD times the largest
-# entry, or _NO_DIGITS: rounding leaves so much of a column of length 1 that an event makes 0.
+# After the shortest segment, a diagonal entry of R has no digits if it is at most _DEAD times the
+# largest one, or _NO_DIGITS: what rounding may leave of a column of length 1 that an event makes 0.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
-# After _FEW segments within the first _PART of the time, at most _LARGEST_FRAME tangent vectors
-# become an orthonormal frame V. Later, entries of V^T V - 1 are at most _OFF times rtol.
+# If _FEW segments end before _PART of the time, an orthonormal frame V of up to _LARGEST_FRAME
+# columns replaces the tangent vectors. Segments then end before V^T V - 1 exceeds _OFF times rtol.
 _FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
 # With events, _LESS shortens the transient, and the time is cut at its part _FIRST before it is cut
 # into segments. A segment should not end just after an event, because the next one begins without
@@ -145,7 +145,8 @@ class _Run:
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
-        self.is_first = self.acts = True  # `is_first` until an alarm, `acts` until the second one
+        # `is_first` is False after an alarm (lost digits, `growing_components`), `acts` after two.
+        self.is_first = self.acts = True
         self.begin()
 
     def begin(self) -> None:
@@ -238,7 +239,8 @@ class _Run:
         is_changed, passed = self._changes_of(engine, K)
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
-        # The growth of the last column follows from the trace of f', unless an event acts.
+        # The growth of the last column follows from the trace of f', so its entry does not matter,
+        # unless an event acts, a column is dead, or f has products, which have no trace here.
         matters = lives.copy()
         matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
         least = diagonal.min(axis=1, where=matters, initial=np.inf)

@@ -61,7 +61,7 @@ def load(path: PathLike) -> Any:
     name = os.fspath(_checked(path, "xarray.open_zarr(path).states reads a store"))
     with open(name, "rb") as file:
         try:
-            with np.load(file) as entries:  # only known entries are read, with their checksums
+            with np.load(file) as entries:  # reads known entries only, and tests their checksums
                 about = json.loads(str(entries["about"]))
                 if (number := about.get("format")) != FORMAT:
                     version = about.get("version")

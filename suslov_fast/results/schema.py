@@ -16,7 +16,7 @@ class Column(NamedTuple):
     type: str
     axes: str  # names of axes, where "batch" stands for all axes of the batch
     meaning: str = ""  # long name in datasets
-    when: str = ""  # an attribute or option; results without it have no such column
+    when: str = ""  # the attribute or option without which a result has no such column
 
     @property
     def short(self) -> str:
@@ -62,7 +62,7 @@ MOTION = (
     Column("events.count", "int64", "batch kind", "number of events", "events"),
 )
 OF_KIND = {"Trajectories": RUN, "Events": EVENTS, "Motion": MOTION}
-# Arguments of the call that a result keeps: texts, numbers or None.
+# Attributes that are no arrays, such as arguments of the call: JSON values, or tuples of them.
 ARGUMENTS: dict[str, tuple[str, ...]] = {
     "Trajectories": ("method", "steps", "save_every"),
     "Events": ("_by",),

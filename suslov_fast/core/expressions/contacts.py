@@ -21,7 +21,7 @@ from .values import joined, larger
 # than LOW times the moduli of the terms of s and of t ds/dt, where s = 0 is the surface.
 SOON, LOW = 2.0**-35, 2.0**-42
 FAR = 2.0**-16  # a rest ends if |s| is above FAR t**2 times the size of the terms of d2s/dt2
-PULL = 64.0  # at rest errors of s decay as exp(-PULL t / T), where T is the last time
+PULL = 64.0  # at rest errors of s decay as exp(-PULL t / T), where T is the last requested time
 LEAST = 2.0**-1000
 
 
@@ -102,7 +102,7 @@ class Contacts:
         is_on = s * s <= way * way * contact.square + LEAST
         surface = rests.select(is_on.select(self.reactions[k], -self.reactions[k]), s)
         stays = rests
-        if contact.direction:  # a body that leaves its rest may lie beyond the surface by rounding
+        if contact.direction:  # a body that leaves its rest, beyond s by rounding, must not bounce
             stays = rests | (number(self.sign * contact.direction) * contact.rate < 0.0)
         to = enumerate(contact.to)
         x = [a if same(a, i) else stays.select(number(i), number(a)).number for i, a in to]

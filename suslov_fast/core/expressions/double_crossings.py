@@ -49,7 +49,7 @@ OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
 # A hump of s between two points is narrow if the straight line through the rates ds/du there misses
 # the rate at a neighbouring point by over STRAIGHT times the difference of both. A rate counts as
-# 0 up to OF_TERMS times its terms, plus the change of s by relative errors OF_STATES + rtol of x.
+# 0 up to OF_TERMS times its terms, plus the change of s if x has relative errors OF_STATES + rtol.
 STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES
 
@@ -296,7 +296,7 @@ def _degrees(f):
         if name == "fmul":
             degree = sum(of)
         elif name in ("max", "min") and operands[0] in (-LARGEST, LARGEST):
-            degree = of[1]  # the argument of a table
+            degree = of[1]  # the argument of a table, clipped by `branches._finite`
         elif name in ("fadd", "fsub") or (name == "fdiv" and not of[1]):
             degree = max(of)
         else:

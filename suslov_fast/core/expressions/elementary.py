@@ -33,7 +33,7 @@ def _polynomial(coefficients, x):
 
 # --------------------------------------------------------------------------------------- two parts
 _INFINITY = float("inf")
-_UPPER = from_bits(0xFFFF_FFFF_F800_0000)  # without the last 27 bits, products of two are exact
+_UPPER = from_bits(0xFFFF_FFFF_F800_0000)  # a mask: without the last 27 bits, products are exact
 
 
 def _sum(a, b):

@@ -58,7 +58,7 @@ class ElapsedTime:
         """Rewrite an `EventAction`; `results` are old operands of its surface and its new state."""
         surface, to = results
         surface = surface and [self._whole(a) for a in surface]
-        # An event that leaves a clock as it is returns the new clock, which counts from 0.
+        # An unchanged clock counts from 0 after the event, too, as the clocks in the state do.
         to = to and [
             a if a == i and i in self.offsets else self._whole(a) for i, a in enumerate(to)
         ]

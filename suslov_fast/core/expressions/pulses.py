@@ -13,7 +13,7 @@ from typing import NamedTuple
 from .function_records import RECORDS
 from .values import Number, larger, smaller
 
-# A step is at most REACH widths of a pulse exp(-d a**2 / 2) long; if d <= NARROW, none is missed.
+# Steps are at most REACH widths of a pulse exp(-d a**2 / 2). Wide ones, d <= NARROW, set no limit.
 REACH, NARROW = 24.0, 16.0
 _NARROWING = {name for name, record in RECORDS.items() if record.narrows}
 _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")

@@ -27,10 +27,10 @@ _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # a state is on a surface s = 0 if |s| <= ON times the moduli of the terms of s
 NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times the terms of s
-BARELY = 2.0**-24  # up to BARELY times ds/dt on the other side of a surface, ds/dt is rounding
-# The most surfaces (also kinks) and contacts of one f, and the most modes times pairs (a, b), also
-# a = b, where mode b changes the rate of mode a: 5 modes that change all rates, or 12 that change
-# their own rates alone. The time to compile grows with this product.
+BARELY = 2.0**-24  # ds/dt on one side of a surface counts as 0 up to BARELY times that on the other
+# The most surfaces (also kinks) and contacts of one f; the most pairs (a, b), also a = b, where
+# mode b changes the rate of mode a, times the number of modes. So 5 modes may change all rates, or
+# 12 their own rates alone. The time to compile grows with this product.
 MOST, MOST_PAIRS = 24, 150
 
 
@@ -49,7 +49,7 @@ class _Rates:
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
-        # |s| is s times its side. If f has roots, |s| is kept from being negative beyond a surface.
+        # |s| becomes mode * s, < 0 just beyond a surface; but if f has roots, max(mode * s, 0).
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
         self.size = count + len(touching) + 2 * bool(touching)
         self.values = values = ExtendedState(D, self.size, P)
@@ -201,8 +201,8 @@ class SlidingEquations(_Rates):
         if k in self.contacts:  # event k also begins and ends a rest
             s, x = self.resting.action_of(k)
             surface, to = [s], self._with_modes(x, leaving=k)
-            # ds/dt of a body that leaves its rest is rounding, and does not tell its side. `holds`
-            # puts it above the surface if the event acts downwards.
+            # ds/dt of a body that leaves its rest is rounding. So if the event acts downwards,
+            # `holds` = 1 says, in place of ds/dt, that the body is above the surface.
             action = action._replace(most=inf, holds=int(action.direction < 0))
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
@@ -224,7 +224,7 @@ class SlidingEquations(_Rates):
         # Modes of surfaces whose ds/dt depends on mode g may end with it: they are decided, too.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [g, *others, g] if others else [g], at=g)
-        # A state that begins to slide is moved onto the surface, else errors of s add up by slides.
+        # A state that begins to slide is moved onto the surface, else s drifts from slide to slide.
         lands, factor = number(x[place]).equals(0.0) & ~slides, s / self.values.dot(slope, jump)
         for i, a in enumerate(jump):
             if not same(a, 0.0):

@@ -46,7 +46,7 @@ class Variational(RightHandSide):
             v = {j: first + j for j in range(D)}
             changes, _ = along(values.emit, f.products, rows, v, totals)
             rates += [0.0 if a is None else a for a in changes]
-        if has_trace:  # s' = u trace f', or 0 if f has products of matrices
+        if has_trace:  # u' = 0 and s' = u trace f'; s' = 0 if f has products of matrices
             diagonal = [row[i] for i, row in enumerate(rows) if i in row and not f.products]
             rates += [0.0, dot(values.emit, [(n - 2, a) for a in diagonal]) or 0.0]
         super().__init__(values, rates, P, kept=table)

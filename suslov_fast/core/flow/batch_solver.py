@@ -49,7 +49,7 @@ class Settings(NamedTuple):
 
 def closer(settings):
     """Return the `Settings` with which trajectories are computed again after an alarm."""
-    part = 16.0 if settings.rtol > 1e-8 else 4.0  # more, if a loose rtol leaves few digits
+    part = 16.0 if settings.rtol > 1e-8 else 4.0  # a loose rtol, of few digits, is divided by more
     return settings._replace(rtol=max(settings.rtol / part, LEAST_RTOL))
 
 
@@ -62,7 +62,7 @@ class SolverRequest(NamedTuple):
     threads: int | None = None
     report: Any = None  # called with the number of finished states; the result False ends the run
     event_times: Any = None  # `EventTimes`, if f has events
-    most: float = inf  # recorded crossings after which a trajectory stops
+    most: float = inf  # number of recorded crossings after which a trajectory stops
     since: float = -1.0  # modulus of the time after which crossings count
 
 
@@ -117,7 +117,7 @@ def code_of(integrator, W, for_each):
         key = "motion", integrator.key, W, for_each
         text_of = functools.partial(text_of_integrator, integrator, W=W, for_each=for_each)
         integrator.codes[W, for_each] = code = compiled(key, text_of, 1)
-        if integrator.f.products:  # the code reads entries of the matrices of `products`
+        if integrator.f.products:  # keep in memory the matrices that the code reads
             vars(code).setdefault("functions", integrator.functions)
     return integrator.codes[W, for_each]
 
@@ -272,7 +272,7 @@ class BatchSolver:
         if self.begins_lost:
             lost, D = self.lost[block], self.lost.shape[1]
             lost = np.where(self.components[COMPONENT.counts, :D] > 0.0, lost, 0.0)
-            # Columns of a RELATIVE component (`lost` < 0) are, too; `lost` of others begins at 0.
+            # The mark RELATIVE (`lost` < 0) of a component holds for its columns, other `lost` not.
             of_all = np.hstack([lost, *[np.minimum(lost, 0.0)] * self.f.columns])
             found[:, rows.lost : rows.lost + of_all.shape[1]] = of_all
             found[:, rows.watches] = lost.max(axis=1, initial=0.0)
@@ -347,7 +347,7 @@ class StepRunner:
             table_bytes=table.strides[0], work=0, numbers=numbers.buffer_info()[0],
             components=address_of(components),
         ))  # fmt: skip
-        # The arguments hold the addresses of all these arrays.
+        # Keep these arrays in memory, because the arguments hold their addresses.
         self.rows, self.table, self.numbers, self.components = rows, table, numbers, components
         self.at, self.records, self.known = self.arguments.buffer_info()[0], [], {}
         self.use(integrator)
@@ -373,7 +373,7 @@ class StepRunner:
         `equal` is the largest number of events at one time.
         """
         f, arguments, self.records = self.integrator.f, self.arguments, records
-        # Twice, because a lane may begin a trajectory and take a step before the code can pause.
+        # Twice the most at one time: a lane may begin a trajectory and take a step without a pause.
         at_once = 2 * most_records(f.events, equal) * self.W
         full = 4 * arguments[SLOT.count] + 512 * self.W
         self.buffer = np.empty((full + at_once, size_of(f)))

@@ -27,11 +27,11 @@ from .scalar_kernels import AT_ONCE, scalar_kernel
 _BEFORE = 2  # number of results of `branches` that precede the branches
 
 BACK_AND_FORTH = 12.0  # so many changes of branches in a row, each at once, count as sliding
-# A change is at once if it follows within AT_ONCE * time, or, before the time EARLY * last time,
-# within AT_ONCE * EARLY * last time.
+# A change is at once if it follows another one within AT_ONCE times the largest of three: the time
+# t, the length of the next step, and EARLY times the last requested time.
 EARLY = 2.0**-12
-# Parts of t. If a solution ends just before a surface, other branches are sought NEAREST later, and
-# up to AHEAD later. A second such end within AGAIN counts toward BACK_AND_FORTH.
+# If a solution ends just before a surface at the time t, other branches are sought NEAREST * t to
+# AHEAD * t later. A second such end within AGAIN * t counts toward BACK_AND_FORTH.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
@@ -275,7 +275,7 @@ def _put_choices(code, truth, kinds, rows, place):
                 chosen.choose(truth, n, numbers[n])
             place += len(group)
             continue
-        for k, kind in group:  # the argument is p + q; if q is a shift, the row has p alone
+        for k, kind in group:  # the argument in the row lacks an addend that shifts the knots
             _put_interval(code, kind, truth.bits(), rows.after(k), place, places.get(first + k))
             place += Table.ROWS
 

@@ -24,7 +24,7 @@ from .weights import EXPLICIT, ORDER, weights
 
 # The largest error of the polynomial p is OF_DEFECT times its defect at TESTS, in quarters of the
 # step. FEW columns give its nodes x_j; one column more is used if FEW columns have an error above
-# OF_FEW allowed errors in the whole step. In the first and last part AT_END p needs no test.
+# OF_FEW allowed errors in the whole step. In the first and last AT_END of the step p needs no test.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Two sets of weights: for the first FEW columns, and for FEW + 1; all other columns have weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]

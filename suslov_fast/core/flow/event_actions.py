@@ -24,8 +24,8 @@ from .step_length import AT_FIRST, first_length, sizes_of
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.
 ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
-LOW = 2.0**-44  # a sum is rounding if it is below LOW times the moduli of its terms
-SOON = 2.0**-20  # ds/dt is too slow to decide a side if s changes by rounding in SOON * last time
+LOW = 2.0**-44  # a sum below LOW times the sum of the moduli of its terms is rounding
+SOON = 2.0**-20  # ds/dt decides no side if s changes only by rounding in SOON * last time
 LEAST = 2.0**-1074  # the least positive number
 MOMENT = 2.0**-16  # part of the last step: ds/dt after events is compared with ds/dt so much later
 STAYS = 0.25  # a mark in the row `side` (else 0, 1 or `GAP`): the state stays on the surface

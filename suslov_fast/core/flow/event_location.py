@@ -31,15 +31,15 @@ from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: parts of t and of the last time
-HIDDEN_FROM = 2.0**-20  # part of the whole time: longer steps are searched for double crossings
+HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings
 LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
 ROUNDS = 14.0
 # The next surface may be as near as this one. So the step after a step to a surface is at most
-# the longer of AFTER_THIS times this step and AFTER_WHOLE times its length without limit. Without,
-# x" = -sign(x) to t = 1e5 takes 12 tries a jump, with AFTER_THIS = 64 it takes 9. But a table of
-# 6,000 random knots takes 1 % more time with 64, and 8 % with 8.
+# the longer of AFTER_THIS times that step and AFTER_WHOLE times its own length without this limit.
+# x" = -sign(x) to t = 1e5 takes 9 steps, also refused ones, from jump to jump; without a limit
+# it takes 12. But a table of 6,000 random knots takes 1 % more time with 64, and 8 % with 8.
 AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
-OF_WAVES = 0.9  # length of the next step, as a part of the longest step that waves allow
+OF_WAVES = 0.9  # next length, as a part of the longest that phases of sin and cos in s allow
 BESIDE = 2.0**-12  # difference of two fractions u of a step, whose states give dx/du
 ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
 
@@ -147,12 +147,12 @@ def OUTCOME(
     refused = cuts | holds | again
     moves = ~refused & (accepted + lands.select(1.0, 0.0) > 0.0) | ends
     return {
-        "cuts": cuts,  # it crosses a surface, and ends beyond it: a shorter step is next
-        "holds": holds,  # it does not reach the surface that is sought: a longer step is next
-        "again": again,  # it may hide crossings: a shorter step is next
+        "cuts": cuts,  # the step crosses a surface, and ends too far away: a shorter step is next
+        "holds": holds,  # the step ends before the surface that is sought: a longer step is next
+        "again": again,  # the step may hide crossings: a shorter step is next
         "refused": refused,  # for one of the three reasons above
         "ends": ends,  # the solution ends where the step began: f has no value beyond s = 0
-        "lands": lands,  # a step aside ends on a surface: only such a step aside moves the state
+        "lands": lands,  # a step aside (`step_length`) ends on a surface: so it moves the state
         "moves": moves,
         "at_surface": (moves & (crosses | arrives)).select(1.0, 0.0),
         "serves": (cuts | again | lands).select(0.0, served),
@@ -245,7 +245,7 @@ def cut(code, before, total):
     taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
     ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
     text.copy(line.side, work.sides, 2 * surfaces)
-    if surfaces and not any(integrator.events.holds):  # a solution that ends keeps its state
+    if surfaces and not any(integrator.events.holds):  # a solution ends where its last step began
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
         with text.when(ended.any(), likely=False):
             for i in text.each(code.D):
@@ -261,7 +261,7 @@ def cut(code, before, total):
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
     code.call("surfaces", line.beyond, code.table, pair.after(count))
-    inputs |= _watch(code, "part")  # where a line from this end to `beyond` crosses a surface
+    inputs |= _watch(code, "part")  # where a line from `new` to `beyond` crosses a surface
     text.copy(points, pair, count)
     text.copy(of_new, pair.after(count), count)
     inputs |= _watch(code, "whole_part", "crosses", "jumps")  # between both ends of the step
@@ -351,9 +351,9 @@ def _double_crossings(code, inputs):
         points[integrator.at_points + integrator.watched] = code.number("rtol")
         code.call("double_crossings", points, code.table, decision)
         found |= {"hidden": decision[0], "twice": decision[1], "waves": decision[2]}
-        if of.of_clocks:  # a longer step may hide crossings of surfaces of clocks
+        if of.of_clocks:  # after a search, a longer step could hide crossings of clocks
             found["known"] = inputs["taken"]
-        if of.of_states:  # the points have errors, so changes of sign there may be no crossings
+        if of.of_states:  # states at points have errors: not each change of sign is a crossing
             found["starts"] = (decision[1] > 0.0).select(1.0, inputs["crosses"])
     return found
 

@@ -28,14 +28,14 @@ from .vector_functions import INLINED
 from .weights import EXPLICIT
 
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
-# saves branches, but longer code would not fit its cache.
+# saves branches, but longer code would not fit the instruction cache.
 SHORT = 25
 # The columns that each lane takes in turn, by their numbers N of sub-steps, 10 in each lane: (10,),
 # (8, 2), (6, 4). A fourth lane repeats (10,), to fill the register.
 _LAST, *_PAIRED = sorted(EXPLICIT, reverse=True)
 _PAIRS = [(N, _LAST - N) for N in _PAIRED if 2 * N >= _LAST]
 IN_LANES = (_LAST,), *_PAIRS, *[(_LAST,)] * (-(1 + len(_PAIRS)) % 4)
-OF_SETS = "f_a", "f_b"  # names of the parts of f, if there are `Integrator.sets`
+OF_SETS = "f_a", "f_b"  # functions for the rates of the first and second set of `Integrator.sets`
 
 
 class ExplicitColumns(FunctionCode):

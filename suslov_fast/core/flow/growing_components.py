@@ -30,7 +30,7 @@ from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to the component's value
-LATER = 1.001  # two tries may end at the same pole if the ratio of the times is at most this
+LATER = 1.001  # two computations may end at one pole if their end times have at most this ratio
 # The least exponents a h of growth exp(a h) in a step of length h that count. NEXT, in implicit
 # steps: the next step may be four times as long. LONG, in explicit steps: at this exponent they
 # lose (a h / MOST)**10 = 1e-6 of the growth.
@@ -81,7 +81,7 @@ def alert(code, i):
     line, work = code.line, code.work
     x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
     own = _loses(x, new, error, _some(code, i), lost)
-    if code.integrator.is_implicit:  # the next step may be too long for the growth
+    if code.integrator.is_implicit:  # the next, longer step may damp the growth
         own = own | _begins_to_grow(x, new, work.f_new[i], work.signed[0], lost)
     return own
 

@@ -28,7 +28,7 @@ for _name in ("ENDED", "SLIDING", "STOPPED", "ACCUMULATES"):
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
-_ALL, _WITHOUT = 3, 4  # the tries with all components, or none, RELATIVE in `lost`
+_ALL, _WITHOUT = 3, 4  # repetitions with all, or no, components RELATIVE, see `growing_components`
 OF_ANOTHER = -128  # returned as a status if the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
@@ -38,22 +38,22 @@ _kept = {}  # codes by their addresses: a code in this dictionary stays in memor
 class Plan(NamedTuple):
     """Integers of a `MotionSystem`: addresses, and where parts begin in `constants` and memory."""
 
-    implicit: int  # address of the code of the implicit integrator, 0 if no motion turns to it
-    first_again: int  # address of the code with which a motion begins again after an alarm
-    implicit_again: int  # address of the code of the implicit integrator after an alarm
-    of_table: int  # address of the code of `code_of_program`, 0 if the table has all parameters
+    implicit: int  # address of the code of the implicit integrator, unused if `stiff` is False
+    first_again: int  # address of the code that begins a motion again after digits were lost
+    implicit_again: int  # address of the code of the implicit integrator for motions begun again
+    of_table: int  # address of the code for the table of f, 0 if the table is the parameters
     is_bounded: int  # 1 if steps are at most 1/32 of the time
-    by_starts: int  # number of columns with respect to x0, which come first: D or 0
-    columns: int  # number of columns of derivatives
+    by_starts: int  # number of columns of derivatives by x0, which come first: D or 0
+    columns: int  # number of all columns of derivatives
     D: int  # number of components of x
-    clocks: int  # place in the plan where pairs for clocks end and parameters of columns begin
+    clocks: int  # place in the plan where pairs (`_CLOCKS`) end, and parameters of columns begin
     # In `constants`, after the rows of `ComponentNumbers`:
     components_again: int  # rows of `ComponentNumbers` for motions that are computed again
     numbers_again: int  # `SharedNumbers` for motions that are computed again
     event_times: int  # pairs (time, event); 0 without events
     template: int  # content of the memory from `numbers` to `table` before a motion
     # In memory, after `CodeArguments` and the address of the code:
-    ended: int  # the time at which the motion ended, then the unit of columns with respect to x0
+    ended: int  # the time at which the motion ended, then the scale of columns of x0, a power of 2
     state: int  # the state after the given time
     numbers: int  # `SharedNumbers`
     times: int  # the given time, and two infinite times
@@ -68,13 +68,13 @@ class Plan(NamedTuple):
     # Places in the rows:
     t: int
     lane_state: int
-    at: int  # the time at which actions accumulate
+    at: int  # the time at which actions of events accumulate
     lost: int  # relative errors of components, see `growing_components`
 
 
 PLAN = Plan(*range(len(Plan._fields)))
 _ARGUMENTS = len(SLOT) + 1
-# After `Plan` there are pairs: a clock, and the number of the parameter that is its start.
+# After `Plan` there are pairs: a clock, and the number of the parameter with its start value.
 _CLOCKS = len(PLAN)
 
 
@@ -88,7 +88,7 @@ class MotionSystem(NamedTuple):
     constants: Any
     parameters: Any  # (n,), the first n parameters of f
     time: float
-    dimension: int  # number of components of x and of its columns
+    dimension: int  # number of all components: of x, and of its columns of derivatives
 
 
 PARAMETERS, TIME = map(MotionSystem._fields.index, ("parameters", "time"))
@@ -102,7 +102,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
     has_atol, again = settings.atol is not None, batch_solver.closer(settings)
-    # The last integrators compute motions again, see `growing_components`.
+    # Integrators with `is_relative` compute motions again, see `growing_components`.
     both = [(mode, has_atol, is_relative) for is_relative in (False, True) for mode in modes]
     integrators = [batch_solver.integrator_of(f, *each) for each in both]
     codes = [batch_solver.code_of(each, 1, f.branches is not None) for each in integrators]
@@ -157,7 +157,7 @@ def _begin(system, x0, memory, tries):
     """Fill `memory` for a motion that begins, or that begins again after an alarm (`tries` > 0)."""
     plan, constants, time = system.plan, system.constants, abs(system.time)
     x, D, size = memory[plan[PLAN.rows] :], plan[PLAN.D], 0.0
-    relative = memory[plan[PLAN.state] :]  # keeps what is RELATIVE: `lost` is overwritten below
+    relative = memory[plan[PLAN.state] :]  # keeps the marks RELATIVE of `lost`, overwritten below
     for i in range(D):
         is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
         relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
@@ -173,7 +173,7 @@ def _begin(system, x0, memory, tries):
     inputs = memory[plan[PLAN.inputs] : plan[PLAN.table]]
     for k in range(min(len(system.parameters), len(inputs))):
         inputs[k] = system.parameters[k]
-    for k in range(_CLOCKS, plan[PLAN.clocks], 2):  # these clocks begin at 0
+    for k in range(_CLOCKS, plan[PLAN.clocks], 2):  # clocks of pairs begin at 0; f adds their start
         inputs[plan[k + 1]], x[plan[k]] = x[plan[k]], 0.0
     if plan[PLAN.of_table] != 0:
         call_code(plan[PLAN.of_table], (inputs.ctypes.data,))
@@ -181,7 +181,7 @@ def _begin(system, x0, memory, tries):
         for k in range(len(inputs)):
             memory[plan[PLAN.table] + k] = inputs[k]
     sizes = memory[plan[PLAN.work] - (len(plan) - plan[PLAN.clocks]) : plan[PLAN.work]]
-    for q in range(len(sizes)):  # the table ends with the sizes of columns
+    for q in range(len(sizes)):  # f's table ends with scales of columns of parameters
         sizes[q] = _power_of_2(inputs[plan[plan[PLAN.clocks] + q]])
     numbers[NUMBER.last], memory[plan[PLAN.times]] = time, time
     numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0
@@ -233,7 +233,7 @@ def motion_of_one(system, x0, out, memory):
             arguments[SLOT.work] = memory.ctypes.data + 8 * work
             arguments[SLOT.following] = 0
             is_done = np.int64(0)
-            while is_done == 0:  # the code pauses after records
+            while is_done == 0:  # as `full` is 0, the code pauses after records of events
                 written = arguments[SLOT.recorded]
                 arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
                 is_done = call_code(code, (arguments.ctypes.data,))
@@ -243,7 +243,7 @@ def motion_of_one(system, x0, out, memory):
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break
-        # Compute the motion again, as in `integration`; if it ended early, with no RELATIVE mark.
+        # Compute the motion again (`motions.integration`); after an early end with each `lost` 0.
         tries, end, before = _WITHOUT if has_ended else tries + 1, x[plan[PLAN.t]], state
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:

@@ -38,7 +38,7 @@ def _write_back(code, offset):
     text, of, integrator = code.text, code.of, code.integrator
     number_plus_1 = Integers(text, code.work.own.at() + offset)[0]
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
-    if integrator.f.branches:  # the table contains the branches
+    if integrator.f.branches:  # the code writes the branches it chooses to the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
     with text.when(number_plus_1.differs(0)):
         number = number_plus_1 - 1

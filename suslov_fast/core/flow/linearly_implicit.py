@@ -35,8 +35,8 @@ from .step_length import MOST_APART
 from .weights import IMPLICIT, QUARTERS, weights
 
 SMALLEST_SCALE = 2.0**-60
-# Factor of the test with f' of a step's end, which sees too little: f' still decreases there. In
-# 300 layers of friction at rtol 1e-4, 17 solutions stick too long with AT_END = 1, 3 with 16.
+# Factor of errors found with f' of a step's end: they are too small, as f' still decreases there.
+# In 300 layers of friction at rtol 1e-4, 17 solutions stick too long with AT_END = 1, 3 with 16.
 AT_END = 16.0
 
 

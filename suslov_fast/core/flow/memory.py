@@ -41,7 +41,7 @@ def rows_of_trajectory(integrator):
         lost=D,  # relative error of each component, or the mark RELATIVE, see `growing_components`
         beyond=watched,  # the state after a step of length `outer`, beyond a surface
         chosen_at=chooses,  # time at which branches of f changed last
-        chosen_often=chooses,  # how often in a row branches of f changed at once
+        chosen_often=chooses,  # how often in a row branches of f changed again at once
         # Two rows for each surface s = 0 of an event: the side, 1 if s >= level, 0 if s < level,
         # STAYS if the state stays on the surface, `GAP` if s is NaN; then the level.
         side=2 * surfaces,
@@ -65,18 +65,18 @@ def rows_of_trajectory(integrator):
         next=1,  # modulus of the next requested time, infinity after the last
         second=1,  # modulus of the requested time after `next`
         state=1,  # a `LaneState`
-        stiff=1,  # steps of an explicit lane that look stiff
-        easy=1,  # steps in a row that do not look stiff or, implicit, could be explicit
+        stiff=1,  # number of steps of an explicit lane that look stiff
+        easy=1,  # steps in a row that do not look stiff; if implicit: that could be explicit
         patience=1,  # number of stiff steps after which a lane becomes implicit
         trial=1,  # number of steps that are left of the trial of implicit steps
         steps=1,  # number of accepted steps
         tries=1,  # number of steps, also refused ones, since the last requested time
-        watches=1,  # more than 0 while a component has lost digits; infinity for an alarm
+        watches=1,  # the largest `lost`; infinity after an alarm, see `growing_components`
         inner=1,  # in a search for a surface: length of a step that does not cross it
         outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
         weight=1,  # Illinois rule: weight of the end at `inner`, or minus the weight at `outer`
         rounds=1,  # number of lengths that a search for a surface has tried
-        whole=1,  # length of the next step after a search
+        whole=1,  # in a search for a surface: the next length if there were no surface
         place=1,  # number of the next requested time, an integer
         trajectory=1,  # number of the trajectory, an integer
     )
@@ -104,7 +104,7 @@ def rows_of_work(integrator):
         # States after the first three quarters of an explicit step, with f. In an implicit step:
         # the states minus x, then the sums over columns that become these states.
         nodes=6 * D,
-        beside=6 * extended,  # f at a point of the step, the point, and changes of f near it
+        beside=6 * extended,  # of `second_trial`: f at a point, the point, changes of f near it
         new=D,  # the next state
         f_new=extended,  # f at the next state, then denominators that may not change sign
         error=D,  # the estimated error of the step
@@ -145,14 +145,14 @@ def rows_of_work(integrator):
         near=surfaces,  # the |s| up to which a state is on the surface s = 0
         rate_before=surfaces,  # ds/dt before the event at s = 0 acts
         actions_now=acts,  # number of actions at surfaces at this instant
-        chooses=chooses,  # 1 where branches are chosen
+        chooses=chooses,  # 1 where branches of f are to be chosen at the state `new`
         chosen=len(of_x.branch_program.results) if chooses else 0,  # results of `branches`
         derived=len(of_x.derived.results) if chooses else 0,  # table values that depend on branches
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
-        gradient=of_x.D + f.q if has_slopes else 0,  # gradient of a surface
+        gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
         tau=acts * D // of_x.D,  # for each column: how much earlier its solution meets the event
-        lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates of columns in lanes
+        lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates, see `gragg.in_lanes`
         scratch=max(each.scratch for each in integrator.functions.values())
         * (4 if f.products else 1),
     )

@@ -58,7 +58,7 @@ def find_next_state(code):
         sizes.append({"moved": sums.moved, "least": least, "noisy": tolerance.NOISY * sums.top})
     kept = sums.kept
     code.call("f", work.new, code.table, work.f_new)
-    for k in range(code.D, code.extended):  # denominators of clocks
+    for k in range(code.D, code.extended):  # denominators that depend on time alone
         kept = _changes_sign(line.f[k], work.f_new[k]).select(0.0, kept)
     return kept, sizes
 

@@ -41,7 +41,7 @@ def code_of_program(f, name):
         return text.finished()
 
     code = compiled((name, f.key), text_of, 1)
-    vars(code).setdefault("function", function)  # the code reads its matrices
+    vars(code).setdefault("function", function)  # keeps the matrices that the code reads
     return code, function.scratch
 
 

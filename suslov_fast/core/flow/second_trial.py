@@ -24,17 +24,17 @@ from .step_length import AFTER_TRIAL, MOST_APART
 from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
 
 BESIDE_SIZE = 2.0**-48  # half of it is the largest relative displacement of a state
-# f is evaluated beside points ALONG a step, in directions that are multiples BESIDES of
-# `ComponentNumbers.seeds`. There are many directions, because changes in one may cancel by chance,
-# as for a symmetric state. Every other state is also MOVED by h times the last change of f: so the
-# noise of a force reaches positions. ENDS is 1 at the ends of the step, which come first: if the
-# error cannot be noise, the ends and the first direction suffice.
+# f is evaluated beside points x + ALONG (x_next - x) of a step. Each of the BESIDES, multiplied by
+# `ComponentNumbers.seeds`, gives a direction: several, because changes of f in one may cancel by
+# chance, as for a symmetric state. In every other one the state is also MOVED by h times the last
+# change of f: so the noise of a force reaches positions. ENDS is 1 at the ends of the step, which
+# come first: if the error cannot be noise, the ends and the first direction suffice.
 BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# An allowed error is a change of h f times GROWS[is_implicit] (ends of the step), or times OF_NOISE
-# (all points). Weights of columns enlarge noise of f, implicit ones 16 times as much as explicit.
+# The trial allows GROWS[is_implicit] times a change of h f at an end of the step, or OF_NOISE times
+# one at any point: weights of columns enlarge noise of f, implicit ones 16 times as much.
 GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
 SHORTENS = 0.05  # an error above this part of the allowed error may make the next step shorter
 TINY_STEP = 2.0**-40  # part of the time: in a step up to this length, sub-steps are mostly rounding
@@ -121,7 +121,7 @@ def try_again(code, sums):
     def trial():
         if integrator.is_implicit:
             text.copy(work.right, work.b, code.D)
-        top = Carried(top=0.0)  # the largest modulus, without clocks
+        top = Carried(top=0.0)  # the largest |x_i| so far, without clocks
         for i in text.each(code.D, top):
             size = larger_of(larger_of(abs(line.x[i]), line.largest[i]), top.top)
             top.top = (code.component("counts", i) > 0.0).select(size, top.top)
@@ -138,7 +138,7 @@ def try_again(code, sums):
             now = code.apply(SECOND, i, **inputs, **vars(found))
             work.inverse.choose(tried, i, now.pop("inverse"))
             found.update(now)
-        # If rounding decides, the step does not count as stiff: `rates`, which show |mu|, become 0.
+        # Where the trial counts, `rates`, which show |mu|, are rounding: 0 does not count as stiff.
         counts = refused | tried & (found.of_length < sums["ratio"])
         after = {"ratio": found.ratio, "of_length": found.of_length, "apart": found.of_apart}
         after |= {"on_trial": 1.0, "rates": 0.0}

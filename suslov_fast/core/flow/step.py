@@ -83,7 +83,7 @@ def _find_columns(code):
     integrator, work = code.integrator, code.work
     rate = derive(code) if integrator.is_implicit else None
     code.columns(code.line.x, code.line.f, len(integrator.columns))
-    if integrator.is_implicit and integrator.read:  # keep states at quarters, minus x
+    if integrator.is_implicit and integrator.read:  # states at 1/4, 1/2, 3/4 of the step, minus x
         code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
     return rate
 
@@ -113,7 +113,7 @@ def _accept(code, errors, t):
     found = code.apply(step_length.AFTER, **errors, last=code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
     code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
-    if code.integrator.events:  # a step to an event's time does not make the next one shorter
+    if code.integrator.events:  # a step cut at an event's given time does not shorten the next step
         is_there = (errors["accepted"] > 0.0) & (found["t"] >= line.stop[0])
         wanted = larger_of(found["wanted"], line.wanted[0])
         found["wanted"] = is_there.select(wanted, found["wanted"])
@@ -121,7 +121,7 @@ def _accept(code, errors, t):
         found["state"] = is_before.select(line.state[0], found["state"])
     code.keep(line, found)
     if not code.integrator.is_implicit:
-        # If f has no value at the end of an explicit step aside, a longer step passes this time.
+        # If f has no value at the end of an explicit step aside, a later step passes that time.
         misses = (work.taken[0] * work.aside[0] > 0.0) & ~(errors["total"] < inf)
         with code.text.when(misses.any(), likely=False):
             line.second.choose(misses, 0, line.next[0])

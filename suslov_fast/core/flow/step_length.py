@@ -27,13 +27,13 @@ from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 from .weights import ORDER
 
-# Factors from a length to the next: that of the error times SAFETY, at least SHORTER, at most
-# LONGER (or AT_FIRST, AFTER_REFUSED; AFTER_TRIAL also marks a step after a second trial). OF_NAN
-# follows a step in which f has no value; its many digits avoid that a step meets this time again.
+# Factors from a length to the next: SAFETY ratio**(-1/9), but at least SHORTER, and at most LONGER,
+# AT_FIRST, AFTER_REFUSED, or AFTER_TRIAL, which also marks a step after a second trial. OF_NAN is
+# the factor if f has no value; its many digits avoid that a step meets the same time again.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
-REACH = 0.92  # a step of at least REACH times the time that is left reaches the last time
+REACH = 0.92  # if the next step would take this part of the time that is left, it takes all of it
 SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
 # A step is false if the sum that shows it is above MOST_APART allowed errors: 30 would refuse some
 # true steps, 100 would accept more false ones. OF_APART is the factor to the next, shorter, length.
@@ -41,8 +41,8 @@ MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # the most steps between two requested times
 # A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps clear this count.
-# Its first TRIAL implicit steps are a trial. It becomes explicit after EASY steps that explicit
-# steps could do as well. MOST_PATIENCE is the largest patience.
+# It becomes explicit after EASY steps that explicit ones could do as well; if this happens in its
+# first TRIAL implicit steps, its patience becomes four times as large, at most MOST_PATIENCE.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
 # A false step counts as OF_FALSE steps that look stiff. An accepted step with `apart` above BOUNCES
 # counts as OF_BOUNCE: it may bounce between both sides of a layer, where f looks flat.
@@ -283,7 +283,7 @@ def TURN_IMPLICIT(
 
 def choose_length(code):
     """Add code that writes the length of the next step in each lane, or 0, to the row `taken`."""
-    # Each requested time has an implicit step aside, because a fast mode may decay within a step.
+    # Implicit: a step aside to each requested time, as polynomials do not follow a fast decay.
     second = inf if code.integrator.is_implicit else code.line.second[0]
     reach = code.apply(NEAR)["reach"]
     found = code.apply(LENGTH, mode=code.mode, second=second, reach=reach, last=code.goal())

@@ -42,7 +42,7 @@ def text_of_integrator(integrator, name, W, for_each):
     code = StepCode(text, integrator, name, for_each)
     taken = code.work.taken
     for now in text.rounds(Carried()):
-        if integrator.events:  # trajectories that end at time 0 have records, and take no step
+        if integrator.events:  # events at time 0 fill the buffer of records without a step
             pause_if_spent(code)
         choose_length(code)
         free = ~(taken[0] > 0.0)

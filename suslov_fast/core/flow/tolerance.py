@@ -17,12 +17,12 @@ from .codegen import larger_of, weighted
 from .growing_components import alert
 from .scalar_kernels import TINY, scalar_kernel
 
-# Errors up to OF_CLOCK times the change of clocks are allowed: 1 - cos(t) is rounding at first.
+# Errors up to OF_CLOCK times the change of clocks are allowed: 1 - cos(t) is rounding at small t.
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 # An error may be noise if it is less than NOISY times the largest component.
 NOISY = 2.0**-48
 CAUTION = 4.0  # factor of the error estimate of `stormer`
-# Inputs of kernels that allow absolute errors: they are TINY for a component RELATIVE in `lost`.
+# Inputs that allow larger than relative errors: TINY if `lost` is `growing_components.RELATIVE`.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
 

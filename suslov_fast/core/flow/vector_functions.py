@@ -15,8 +15,8 @@ from ..expressions.numpy_evaluation import OF_LIBRARY, OF_LISTS
 from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Carried, Index, Shared
 
-INLINED = 160  # operations of f that stand within the loop of sub-steps, rather than a call
-BLOCK = 64  # operations of a block of straight-line code
+INLINED = 160  # the most operations of an f that is written into the loop of sub-steps, not called
+BLOCK = 64  # the most operations of a block of straight-line code
 # The most operations of an elimination in straight-line code: LLVM takes 20 us for each, 80 with
 # optimization. Longer eliminations are loops over arrays: steps take 2 to 4 times as long.
 LONGEST = 20_000
@@ -33,7 +33,7 @@ class ProgramFunction:
     def __init__(self, program, inputs, places=None):
         self.program, self.inputs, self.places = program, inputs, places or {}
         self.length, self.operations = len(program.operations), []
-        self.entries, vectors = {}, {}  # first scratch rows of entries and products
+        self.entries, vectors = {}, {}  # {number: scratch row}: of entries (A v)_i, and of (A v)_0
         for name, number, operands in program.operations:
             if name == ENTRY:
                 self.entries[number] = vectors[operands[0]] + int(operands[1])

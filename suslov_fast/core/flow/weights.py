@@ -14,7 +14,7 @@ its seven columns have order 7 and R(inf) = 0, and are stable in a sector of 89.
 from math import prod
 
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
-QUARTERS = 4, 8, 12, 16  # implicit columns that pass the quarters of a step
+QUARTERS = 4, 8, 12, 16  # implicit columns with sub-steps that end at 1/4, 1/2 and 3/4 of a step
 
 EXPLICIT = 2, 4, 6, 8, 10
 ORDER = 2 * len(EXPLICIT)

@@ -32,7 +32,7 @@ class Address(int):
     """The address of machine code; the code stays in memory as long as this object."""
 
 
-known_codes = {}  # addresses, by the arguments of `code_of`
+known_codes = {}  # {(key, level, lasts): address}, see `compiled`
 _engines = {}  # engines by level of optimisation, and by whether their code lasts
 _numbers = itertools.count()  # numbers that make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
@@ -56,7 +56,7 @@ def compiled(key, text_of, level=2, lasts=False):
         if key not in known_codes:
             _free_old()
             name = f"code_{next(_numbers)}"
-            text = text_of(name)  # an error here is the package's own
+            text = text_of(name)  # outside `try`: an error here is the package's, not LLVM's
             try:
                 known_codes[key] = _compile(text, name, level, lasts)
             # LLVM cannot read the text, or llvmlite has removed or changed a function.
@@ -93,7 +93,7 @@ def _compile(text, name, level, lasts):
     finally:
         engine.remove_module(module)
     address.engine, address.length = engine, max(len(text), LEAST_TEXT)
-    address.call = _CALL(address)  # takes the address of an array; made once, for small calls
+    address.call = _CALL(address)  # takes the address of an array; made once, to save time
     return address
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from ..expressions.sparse_elimination import SLOT, ColumnOffsets
 from .text import Carried, Code, Index, Integers
 
-# Rows of a span that a single lane takes at once. Row by row, lattices take 1.15 times as long.
+# Rows of a span (`_along`) taken at once if W = 1. Singly, lattices take 1.15 times as long.
 AT_ONCE = 4
 
 

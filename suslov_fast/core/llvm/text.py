@@ -22,7 +22,7 @@ from ..expressions.numpy_evaluation import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRU
 from ..expressions.tables import LARGEST, Table, is_table
 from .compiler import pointer
 
-WRITTEN_OUT = 4  # rounds of a loop that are written out where the loop takes much of the time
+WRITTEN_OUT = 4  # the most rounds of a loop that is unrolled where it takes much of the time
 AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, if there are MANY rows
 
 
@@ -276,8 +276,8 @@ class Code:
         return "\n".join([
             *self.arrays_of_text, *self.lines, "}", *sorted(self.declared),
             *itertools.chain(*self.functions.values()),
-            # Lines are whole registers also where LLVM prefers narrower ones. Without an aligned
-            # stack, registers saved there may lie across cache lines, in one process or another.
+            # Vectors of 8 lanes are whole registers, also where LLVM prefers narrower ones. If the
+            # stack were not aligned, registers saved there might straddle cache lines by chance.
             'attributes #0 = { nounwind "stackrealign" "min-legal-vector-width"="512" }',
             '!0 = !{!"branch_weights", i32 1000000, i32 1}',
             '!2 = !{!"branch_weights", i32 1, i32 1000000}', "",
@@ -464,7 +464,7 @@ class Code:
                 setattr(each, key, type(value)(value.text, f"%{name}.{key}"))
         yield carried
         goes_on = vars(carried).pop("goes_on")
-        # The next values have names only now.
+        # The phis belong at the head of the loop, but read names that exist only now.
         self.target.lines[place:place] = [
             f"  %{name}.{key} = phi {first.kind} "
             f"[ {first}, %{before} ], [ {first._number(getattr(each, key))}, %{name}_end ]"
@@ -496,7 +496,7 @@ class Code:
         first, count = min(indices, default=0), len(indices)
         if [*indices] == [*range(first, first + count)]:
             return lambda carried=None: (k + first for k in self.each(count, carried))
-        array = indices if count < 2 else self.constants(indices)  # the address is computed here
+        array = indices if count < 2 else self.constants(indices)  # address found before the loop
         return lambda carried=None: (array[k] for k in self.each(count, carried))
 
     # ------------------------------------------------------------------------------ names, memory
@@ -526,7 +526,7 @@ class Code:
         base = Index(self, base)
         if isinstance(i, int):
             return base + self.size * (first + i)
-        # One counter for all rows of a loop: LLVM would split a sum into many counters.
+        # `freeze` keeps one counter for all rows of a loop: LLVM would make one of each address.
         row = Index(self, self.new(f"freeze i64 {base + i * self.size}"))
         return row + self.size * first
 

@@ -30,11 +30,11 @@ class Dense(NamedTuple):
     """
 
     runs: Any  # (S, 5): j, k, first i, number of terms, first coefficient
-    terms: Any  # (T,), the term of each coefficient
+    terms: Any  # (T,), number of the term of each coefficient, in the order of runs
     of_one_sign: Any  # (D,), true for components that keep their sign along the motion
-    indices: Any  # (3, T), of the terms
-    fractions: Any  # (stages,), of eps
-    values: Any  # (1 or B, T)
+    indices: Any  # (3, T), i, j and k of the terms
+    fractions: Any  # (stages,), step sizes of stages as fractions of eps
+    values: Any  # (1 or B, T), v of the terms
     eps: Any  # (1 or B,)
     solve_at: int  # address of the kernel `solve_at`, 0 before it is compiled
     needs: Any  # (1,), set to 1 by a lane that needs `solve_at` while its address is 0
@@ -43,12 +43,12 @@ class Dense(NamedTuple):
 class Memory(NamedTuple):
     """Work arrays of `take_dense_steps`; the first axis is over parts of the work: threads."""
 
-    a: Any  # (parts, lanes, D, D + 1)
-    columns: Any  # (parts, lanes, D + 1, D)
+    a: Any  # (parts, lanes, D, D + 1), matrices A(x) with right sides
+    columns: Any  # (parts, lanes, D + 1, D), columns of N, see `fill`
     bases: Any  # (parts, lanes, D), the states before a step
     halves: Any  # (parts, stages, 1 or lanes, T), half the eps of a stage times v of the terms
-    coefficients: Any  # (parts, stages, 1 or lanes, T), `halves` in the order of runs
-    of_one: Any  # (parts, D (D + 3)), memory of `solve_at`
+    coefficients: Any  # (parts, stages, 1 or lanes, T), `halves` in the order of `Dense.runs`
+    of_one: Any  # (parts, D (D + 3)), memory of `solve_at` for one lane
 
 
 @functools.lru_cache(8)
@@ -80,7 +80,7 @@ def take_dense(threads, arguments, omega0, span, output):
             saved[span.row] = final
             span = span._replace(row=span.row + 1)
     D, T, fractions = scheme.step.D, scheme.step.T, np.array(scheme.stages.fractions)
-    W = max(min(LANES, span.end - span.begin), 1)  # an empty batch has no lanes
+    W = max(min(LANES, span.end - span.begin), 1)  # at least 1 for an empty batch, too
     of_terms = len(fractions), W if max(map(len, parameters)) > 1 else 1, T
     shapes = (W, D, D + 1), (W, D + 1, D), (W, D), of_terms, of_terms, (D * (D + 3),)
     memory = Memory(*(np.empty((threads, *shape)) for shape in shapes))
@@ -137,7 +137,7 @@ def solve_rows(a):
     The solution replaces the right side. Return True if it keeps its digits, because no pivot is
     relatively small, and True if det A < 0.
     """
-    D = len(a)  # rows one by one, each in the first cache; loops over unsigned j are SIMD
+    D = len(a)  # row by row, so that a row stays in the L1 cache; loops over unsigned j are SIMD
     least, largest, negative = np.inf, 1.0, False
     for i in range(D):
         largest = simd_max(abs(a[i, i]), largest)

@@ -31,13 +31,13 @@ class DriverArguments(NamedTuple):
     between: int = 0  # stages from one saved state to the next, minus 1
     trajectories: int = 0
     ended: int = 0  # address of bytes (lines,), with a bit for each lane that has ended
-    passed: int = 0  # the same for lanes that have passed a pole or ended
+    passed: int = 0  # address of such bytes for lanes that have passed a pole or ended
     status: int = 0  # address of statuses (i8), written only by steps of a `Map`; 0 if none is kept
     failed_at: int = 0  # address of `failed_at`, as for `status`
     first: int = 0  # number of the state after the first step
     pivoting_step: int = 0  # address of `pivoting.pivoting_step`, 0 if it is not ready
     pivoting_arguments: int = 0  # address of the arguments of `pivoting_step`
-    # The place in the loops: the code returns when the budget is spent, and continues from there.
+    # The place in the loops: if the budget is spent, the code returns; the next call continues.
     budget: int = 0  # calls of `pivoting_step` that are left
     line: int = 0  # the first line of the block in work
     n: int = 0  # number of the next stage, counted over all steps

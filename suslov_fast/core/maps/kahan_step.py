@@ -47,7 +47,7 @@ LONGEST_OPTIMISED = 4000
 # The most products of elimination that depend on the state: of dense fields, which have more than
 # SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
 SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
-# The same for products of parameters alone, which NumPy computes once for each step size.
+# The most products of parameters alone, which NumPy computes once for each step size.
 LONGEST_ONCE = 400_000
 # Steps with columns of derivatives have a program if they have at most MOST_COLUMNS components, and
 # if this number times the products of an elimination is at most MOST_WORK. For more, LLVM would
@@ -173,7 +173,7 @@ class Step:
             beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
             excess = joined("fadd", [larger(0.0, each) for each in beyond])  # NaN stays NaN
             common.append(excess < np.inf)
-            if len(increments) == self.D:  # a component that stays 0, at its limit, is accurate
+            if len(increments) == self.D:  # a component that stays 0 is accurate: size = limit = 0
                 at_limit = [sizes[k].equals(limits[k]) for k in increments]
                 common.append(joined("or", [excess > 0.0, *at_limit]))
             keeps, following = joined("and", common), self._following()

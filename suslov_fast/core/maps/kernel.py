@@ -124,8 +124,8 @@ class _Lines:
             arrays = self.x, self.halves, np.array(stages.fractions), step.indices
             arrays = *arrays, *self.notes, self.marks, memory
             of_pivoting = arguments_of(arrays, step.state_D, start)
-        # Lines of a block stay in the first cache. Blocks have equal lengths: in a short one there
-        # are too few lines to do while a step waits for the results of the one before it.
+        # Lines of a block stay in the L1 cache. Blocks have equal lengths: a short last block would
+        # have too few lines to compute while one of them waits for the results of its last step.
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
         row = saved.ctypes.data
@@ -173,7 +173,7 @@ class FieldSteps(Kernel):
 
     def parallel(self, threads, arguments, *others):
         step = arguments[0].step
-        if not (step.usual or step.is_sparse):  # the field has no program
+        if not (step.usual or step.is_sparse):  # a dense field without operations (`Step`)
             take_dense(threads, arguments, *others)
             return
         if threads == 1:
@@ -226,7 +226,7 @@ def _take_steps(lines, states, span, saved, abandoned):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         lines.start_from(states)
-        lines.take(*arguments, seconds=_IN_PYTHON * work)  # few runs are repeated
+        lines.take(*arguments, seconds=_IN_PYTHON * work)  # again from the start: few runs need it
 
 
 field_steps = FieldSteps()

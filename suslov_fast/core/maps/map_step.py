@@ -38,7 +38,7 @@ class MapStep(ExtendedStep):
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
         programs = (Program(f.fixed, []), f.f, f.derivative)[: 2 + columns]
         results = emitted(values, united(programs), known)
-        # A constant times 1 is a value with a number: `after` contains only numbers of values.
+        # `after` lists numbers of values, so a constant becomes a value: 1 times the constant.
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in results[:D])
         self.after = [*of_x, *range(D, size)]
         if columns:
@@ -53,7 +53,7 @@ class MapStep(ExtendedStep):
 
     def _separate_fixed(self):
         super()._separate_fixed()
-        # `fixed` includes comparisons of parameters, by which it selects; tables cannot store them.
+        # Selections in `fixed` need comparisons; `usual` has these, too: tables store no truths.
         both = self.values.fixed | self.values.fixed_truths
         self.fixed = [operation for operation in self.values.operations if operation[1] in both]
 

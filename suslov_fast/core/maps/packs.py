@@ -36,7 +36,7 @@ def in_lines(rows, W):
     return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
 
 
-@functools.lru_cache(PLANS)  # because a table takes longer than a few steps
+@functools.lru_cache(PLANS)  # because computing a table takes longer than a few steps
 def common_table(step, stages, eps, values):
     """Return eps v / 2 and tables (`tables_of`) of one field, cached by bytes of eps and values."""
     values = np.frombuffer(values)
@@ -75,7 +75,7 @@ def packed(truths):
 def note_undefined(states, notes):
     """Note failures of trajectories with NaN in state 0, in `states` (B, D), and no poles."""
     status, failed_at, poles = notes
-    poles[status == OK] = 0.0  # others were noted by earlier stages of the first step
+    poles[status == OK] = 0.0  # other poles are from earlier stages, see `maps.derivatives`
     # A sum takes a tenth of the time of `isnan`; Python adds few numbers faster than NumPy.
     total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
     if not math.isfinite(total):

@@ -108,15 +108,15 @@ def take_columns(indices, half, x, after, tangent, units):
 class LineArguments(NamedTuple):
     """The integers of the array that `pivoting_step` takes: addresses of arrays, and lengths."""
 
-    x: int  # (lines, D, W)
+    x: int  # (lines, D, W), states
     halves: int  # (sets, T, of_set), half the step size times the values of the terms
-    fractions: int  # (stages,), of eps
+    fractions: int  # (stages,), step sizes of stages as fractions of eps
     indices: int  # (3, T), i, j and k of the terms
     status: int  # (B,)
     failed_at: int  # (B,)
     poles: int  # (B,), number n of the first state beyond a pole, -n if only a sign changed, else 0
     marks: int  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
-    memory: int  # (state_D (3 state_D + 4) + T,)
+    memory: int  # (state_D (3 state_D + 4) + T,), workspace for one lane
     lines: int
     D: int
     W: int
@@ -125,7 +125,7 @@ class LineArguments(NamedTuple):
     of_set: int  # W if each lane has its own parameters, else 1
     stages: int
     B: int
-    state_D: int  # number of components of x, without columns of derivatives
+    state_D: int  # number of components without columns of derivatives; D counts these, too
     first: int  # number of the state before the first step
 
 

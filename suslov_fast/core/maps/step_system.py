@@ -59,7 +59,7 @@ def steps_of_one(arguments, x, count=1, every=0, saved=None):
     return x if code.call(at) == DONE else None
 
 
-_SHORT = 10**6  # the most operations of steps in one call, because Ctrl-C waits for its end
+_SHORT = 10**6  # the most operations of one call of machine code: Ctrl-C waits until it ends
 
 
 @with_address
@@ -67,8 +67,8 @@ class FieldSystem(NamedTuple):
     """A field and a step size, or a map, for compiled loops; unpickling makes its code again."""
 
     address: int  # address of the code of `stage_code.text_of_stage`, 0 if there is none
-    half: Any  # (stages, T), eps / 2 of each stage times the values of terms; (1, 0) for a map
-    table: Any  # (stages, n), see `Step.table`
+    half: Any  # (stages, T), eps / 2 of a stage times coefficients of terms; (1, 0) for a map
+    table: Any  # (stages, n), a row for each stage: the n numbers listed in `Step.table`
     indices: Any  # (3, T), i, j and k of the terms
     dimension: int
     is_map: bool
@@ -96,7 +96,7 @@ def map_system_of(step, parameters):
 
 def _with_table(step, table):
     code = code_of(text_of_stage, step, lasts=True)
-    code.step = step  # for `FieldSystem.__reduce__`
+    code.step = step  # `FieldSystem.__reduce__` pickles it
     return FieldSystem(int(code), np.empty((1, 0)), table, np.empty((3, 0), np.int64), step.D, True)
 
 
@@ -117,7 +117,7 @@ def field_step_of_one(system, state, out, memory):
     for stage in range(len(system.half)):
         for i in range(len(x)):
             out[i] = x[i]
-        bits = np.int64(1)  # 1 if the stage is not accurate, 256 if det A < 0
+        bits = np.int64(1)  # 1: not accurate, or no code: use `solve_lane`; 256: det A < 0
         if system.address != 0:
             table = system.table[stage].ctypes.data
             bits = call_code(system.address, (x.ctypes.data, table))

@@ -84,7 +84,7 @@ def use_cache(compiled, py_function):
 
 def is_kept(compiled, kinds):
     """Return True if the cache files of a function contain code for arguments of types `kinds`."""
-    with suppress(Exception):  # of any class: unpickling, and private names of Numba
+    with suppress(Exception):  # any error: of unpickling, or a newer Numba lacks these names
         files = compiled._cache
         key = files._index_key(kinds, compiled.targetctx.codegen())
         return key in files._cache_file._load_index()

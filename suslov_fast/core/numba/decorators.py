@@ -95,7 +95,7 @@ def _compiling():
     try:
         yield
     except Exception as error:  # of any class: a newer Numba may raise anything
-        # Not an IndexError: kernels that check indices, or are interpreted, raise it when they run.
+        # An IndexError comes from a kernel that checks indices or is interpreted, not from Numba.
         if not advice_on_numba() or isinstance(error, (IndexError, MemoryError)):
             raise
         text = f"compiling failed with numba {numba.__version__}; {advice_on_numba()}"
@@ -118,7 +118,7 @@ def advice_on_numba():
 # ------------------------------------------------------------------------- before it is compiled
 # Small calls are interpreted until they have taken so many seconds; then compiling pays off.
 WARM_UP = 1.0
-# NumPy's seconds per component, trajectory and step. A call costs _CALL_IN_NUMPY trajectories.
+# NumPy takes _IN_NUMPY (trajectories + _CALL_IN_NUMPY) seconds per component and step.
 _IN_NUMPY, _CALL_IN_NUMPY = 5e-8, 500
 
 
@@ -383,7 +383,7 @@ def _address(dispatcher, kinds):
 
 
 # ------------------------------------------------------------------------------------- in kernels
-# Typed: for a literal 0 Numba compiles a function again, or types it twice if a sum begins so.
+# A typed 0: for a literal 0 Numba compiles a called function again, or infers types of sums twice.
 ZERO = np.int64(0)
 
 

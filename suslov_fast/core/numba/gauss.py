@@ -26,7 +26,7 @@ ZERO_TO_ROUNDING = 2.0**-50
 ROUNDS = 20  # the most rounds of `balance`; 6 full equations with units 2**120 apart took 4 or 5
 
 
-# Sums with 0 avoid masked stores, which are slow.
+# Adding 0.0 keeps LLVM from turning `select` and a store into a masked store, which is slow.
 @formula
 def simd_max(v, w):
     """Return the larger number; w if v or w is NaN."""

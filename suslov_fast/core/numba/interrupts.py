@@ -7,7 +7,7 @@ from contextlib import contextmanager
 @contextmanager
 def uninterrupted():
     """Delay Ctrl-C to the end of a block that must not be left half done, such as an import."""
-    handler, pending = signal.getsignal(signal.SIGINT), []  # None if Python cannot restore it
+    handler, pending = signal.getsignal(signal.SIGINT), []  # None if C code set it: not restorable
     try:
         if handler is not None:
             signal.signal(signal.SIGINT, lambda *event: pending.append(event))

@@ -30,7 +30,7 @@ def in_parts(parts, work, abandoned, threads):
         running_lock = allocate_lock()
         running_lock.acquire()
         with begins:
-            if is_over:  # this thread came too late
+            if is_over:  # the call waits for no more threads
                 return
             running.append(running_lock)
         try:

@@ -62,7 +62,7 @@ from .steps import LANES, NO
 TINY = 2.0**-100
 CRITICAL = 2.0**-90  # a smaller r may be 0 or negative: r**n is then real for integers n only
 NO_SQUARE = 1e-300  # replaces a smaller |A**2 - k**2|, so that sin(n a) / root is n e
-PARITY_KNOWN = 2.0**53  # larger floats n are all even: then the sign of r**n for r < 0 is unknown
+PARITY_KNOWN = 2.0**53  # larger floats are even, by rounding: the sign of r**n, r < 0, is unknown
 FAINT = 1e-140  # ell / nu below this has a subnormal square: states are unknown for one sign of n
 VANISHES = -350.0  # exp(t) is set to 0 for t below this, because its square would be subnormal
 ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no `unit_of`
@@ -185,7 +185,7 @@ def fill_orbit(b, l, is_map):
     per_one_plus_L = 1.0 / (1.0 + e_map * root)
     b[R, l] = select(is_map > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
 
-    # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|, by the identities.
+    # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|: see the file's head.
     total = root + abs(nu)
     by_x = ell * (ell * (one_minus_Y * one_plus_Y)) * inverse
     by_k = k * (ell * (2.0 + K * X)) * inverse
@@ -213,7 +213,7 @@ def fill_orbit(b, l, is_map):
 
     fixed = ell == 0.0
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
-    undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if ell = 0
+    undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # with ell = 0: 0 / 0
     missing = select(fixed, undefined, abs(ell) < FAINT * abs(nu))
     b[PASSES, l] = select(fixed, 0.0, select(passes, 1.0, 0.0))
     b[ROOT, l] = select(in_range, root, np.nan)
@@ -382,13 +382,13 @@ def states(part, parts, parameters, omega0, is_map, n, out, reasons):
     parameters, omega0, n, reasons = uncounted((parameters, omega0, n, reasons))
     target = array_at(out.ctypes.data, (out.size,), np.float64)
     B, N, b = len(omega0), len(n), new_block()
-    # A block computes few trajectories at several values of n, so that all lanes are used.
+    # If there are few trajectories, a block has each at several values of n, to use all lanes.
     abreast = LANES // B if 0 < B < LANES else 1
     blocks = (B + LANES - 1) // LANES
     rows = (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
     common = are_common(parameters)
-    started, filled = ZERO - 1, NO  # the block in `b`; True if its bodies suit the next one
+    started, filled = ZERO - 1, NO  # the block in `b`; True if the next one has the same bodies
     for task in range(begin, end):
         block = task // rows
         row = task % rows * abreast

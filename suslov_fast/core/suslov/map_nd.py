@@ -50,7 +50,7 @@ EPS, NEAR = range(OF_I + 1, OF_I + 3)  # eps, and a bound of h p below which no 
 ROW_W, ROW_I, OTHERS = range(NEAR + 1, NEAR + 4)  # 2 h I_i / J_i, h w_i / J_i and p - I_i w_i
 DET = OTHERS + 1  # a number with the sign of det A
 ROWS = DET + 1
-LANES = 64  # with fewer lanes, adding the next component waits until the last sum is stored
+LANES = 64  # with fewer, each addition to a lane's sum would wait until the last sum is stored
 # A step in O(n) keeps its digits if |d_i| / J_i > FAR_FROM_0, the determinant of the two equations
 # is above LEAST_DET times the sum of the moduli of its terms, and w.w_next > LEAST_COSINE |w|**2.
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125

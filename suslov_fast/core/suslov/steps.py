@@ -34,7 +34,7 @@ FEW = 6  # up to so many trajectories take less time one by one than all lanes o
 # longer and give the same bits: Y < 0 is constant where X is negligible, and X decays on.
 DECAYING = np.int64(16)
 PROJECTED = 512  # steps after which a general state is projected on the level of the constant R
-GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state
+GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state, see `map_3d`; no step changes a FIXED one
 TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
 # Rows of a block. A run continues from the first three rows if all its lanes have the form PLAIN.
@@ -43,7 +43,7 @@ FORM, X_, Y_ = range(3)  # X and Y of the plain form
 XG, U, V, R = range(3, 7)  # X, u and v of the general form, and R at the start
 CARRIED_BY_PLAIN, CARRIED = XG, R + 1
 TAKEN, AT_POLE = 7, 8  # of a single lane: the numbers of general steps and of steps from a pole
-W1, W2 = 9, 10  # the state; in other rows stores of W1 and W2 would delay loads of X and Y
+W1, W2 = 9, 10  # the state; if it were in other rows, storing it would delay loads of X and Y
 FRAME = 11  # the first of the seven rows of the `Frame`
 I1_, I2_, I13_, I23_, K_, EPS_ = range(18, 24)
 TOO_LONG = 24  # 1.0 if the step is too long for state 0, see `is_supercritical`

@@ -150,7 +150,8 @@ def cofactors(
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
     They are products of a constant and powers of the factors of det DPhi and of the map's
-    denominator. The result contains 1, det DPhi and each C with a polynomial up to the degree.
+    denominator. The result contains 1, det DPhi and each such product with a polynomial up to the
+    degree. Other cofactors, of polynomials that are 0 where the map contracts, are not sought.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ def text_of_stage(step, name, *_):
     """Return LLVM's text of i64 name(x, table), which takes a stage of one state in place.
 
     Arguments are addresses. The code returns 1, and leaves the state, if the stage is not accurate.
-    Otherwise it returns 256 if det A < 0, else 0.
+    Otherwise it returns 0, plus 256 if det A < 0, plus 65536 if a component changed its sign.
     """
     text = Code(1)
     text.begin(name, "x", "table")

@@ -41,7 +41,7 @@ class Passage(NamedTuple):
     """
 
     common_orders: tuple[int, ...]  # the power of t that divides the coordinates of image k + 1
-    curve_orders: tuple[tuple[int, ...], ...]  # orders of contracted curves' equations at image k
+    curve_orders: tuple[tuple[int, ...], ...]  # orders in t of curves' equations at image k
     steps: int | None  # the first k for which image k of the curve is a curve; None if none is
     endless: bool = False  # True if the last point without an image was not reached
 

@@ -109,7 +109,7 @@ class _Functions(dict):
         return instruction  # a `Table` or a `DenseMatrix`
 
 
-OF_VECTORS = {"entry": lambda vector, i: vector[int(i)]}  # of a matrix product, see `dense_product`
+OF_VECTORS = {"entry": lambda vector, i: vector[int(i)]}  # vectors: see `dense_product`
 FUNCTIONS = _Functions(OF_NUMBERS | OF_TRUTH_VALUES | OF_VECTORS)
 
 

@@ -147,11 +147,11 @@ def rows_of_work(integrator):
         actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches of f are to be chosen at the state `new`
         chosen=len(of_x.branch_program.results) if chooses else 0,  # results of `branches`
-        derived=len(of_x.derived.results) if chooses else 0,  # table values that depend on branches
+        derived=len(of_x.derived.results) if chooses else 0,  # values of f's table by branches
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
-        tau=acts * D // of_x.D,  # for each column: how much earlier its solution meets the event
+        tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
         lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates, see `gragg.in_lanes`
         scratch=max(each.scratch for each in integrator.functions.values())
         * (4 if f.products else 1),

@@ -213,7 +213,7 @@ def fill_orbit(b, l, is_map):
 
     fixed = ell == 0.0
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
-    undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # with ell = 0: 0 / 0
+    undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0 if ell = 0
     missing = select(fixed, undefined, abs(ell) < FAINT * abs(nu))
     b[PASSES, l] = select(fixed, 0.0, select(passes, 1.0, 0.0))
     b[ROOT, l] = select(in_range, root, np.nan)

@@ -198,7 +198,7 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
     reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
     # A sequence of integers with a recurrence has one with integer coefficients (Fatou 1906).
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
-    is_minimal = rank == order  # else a recurrence of lower order holds, which was refused before
+    is_minimal = rank == order  # else lower orders, which were tried before, would do
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 

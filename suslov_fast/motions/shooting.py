@@ -43,7 +43,8 @@ _LEAST_SIZE = 2.0**-20  # least unit of components and residuals, as a part of t
 _ROUNDING = 2.0**-49  # relative rounding error of T, which matters where states change fast
 _STRONG = 1e3  # weight of the equation that keeps the phase, see `keeps_phase`
 _LOOKS = 512  # number of states from which ranges of components and returns are found
-_OF_FORCE = 1e-6  # largest relative difference of motions that start one period of the force apart
+# f has the period T if motions that start T apart differ by at most this, relatively.
+_OF_FORCE = 1e-6
 _FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
 # The longest time until a near return, in units of |x / f(x)|. The first search ends at this time
 # divided by 2**_DOUBLINGS, each further search at twice the time of the one before.

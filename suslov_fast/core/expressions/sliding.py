@@ -49,7 +49,7 @@ class _Rates:
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
-        # |s| becomes mode * s, < 0 just beyond a surface; but if f has roots, max(mode * s, 0).
+        # |s| becomes mode * s, < 0 just beyond s = 0; max(mode * s, 0) if f has roots, logs, ...
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
         self.size = count + len(touching) + 2 * bool(touching)
         self.values = values = ExtendedState(D, self.size, P)

@@ -31,7 +31,7 @@ BACK_AND_FORTH = 12.0  # so many changes of branches in a row, each at once, cou
 # t, the length of the next step, and EARLY times the last requested time.
 EARLY = 2.0**-12
 # If a solution ends just before a surface at the time t, other branches are sought NEAREST * t to
-# AHEAD * t later. A second such end within AGAIN * t counts toward BACK_AND_FORTH.
+# AHEAD * t later. If branches were last changed within AGAIN * t, it counts to BACK_AND_FORTH.
 NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
@@ -275,7 +275,7 @@ def _put_choices(code, truth, kinds, rows, place):
                 chosen.choose(truth, n, numbers[n])
             place += len(group)
             continue
-        for k, kind in group:  # the argument in the row lacks an addend that shifts the knots
+        for k, kind in group:  # the row lacks q if it shifts the knots (`Branches.shifts`)
             _put_interval(code, kind, truth.bits(), rows.after(k), place, places.get(first + k))
             place += Table.ROWS
 

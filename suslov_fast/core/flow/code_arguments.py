@@ -17,7 +17,7 @@ class CodeArguments(NamedTuple):
     numbers: int  # address of `SharedNumbers`
     components: int  # address of the rows of `ComponentNumbers`, D numbers each
     times: int = 0  # address of the moduli of requested times, ascending, then two infinities
-    states: int = 0  # address of the states at requested times (times, count, D)
+    states: int = 0  # address of states at requested times (times, trajectories of the batch, D)
     state_bytes: int = 0  # bytes of the saved states at one time
     event_times: int = 0  # address of pairs (time, event), an array (count or 1, n + 1, 2)
     event_time_bytes: int = 0  # bytes between the pairs of successive trajectories; 0 if shared

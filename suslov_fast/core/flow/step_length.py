@@ -29,7 +29,7 @@ from .weights import ORDER
 
 # Factors from a length to the next: SAFETY ratio**(-1/9), but at least SHORTER, and at most LONGER,
 # AT_FIRST, AFTER_REFUSED, or AFTER_TRIAL, which also marks a step after a second trial. OF_NAN is
-# the factor if f has no value; its many digits avoid that a step meets the same time again.
+# the factor if f has no value, or a sign is lost; with many digits no step meets a time twice.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
@@ -41,8 +41,8 @@ MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
 MOST_STEPS = 250_000  # the most steps between two requested times
 # A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps clear this count.
-# It becomes explicit after EASY steps that explicit ones could do as well; if this happens in its
-# first TRIAL implicit steps, its patience becomes four times as large, at most MOST_PATIENCE.
+# It becomes explicit after EASY steps that explicit ones could do as well; if this happens within
+# less than TRIAL implicit steps, its patience becomes 4 times as large, at most MOST_PATIENCE.
 PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
 # A false step counts as OF_FALSE steps that look stiff. An accepted step with `apart` above BOUNCES
 # counts as OF_BOUNCE: it may bounce between both sides of a layer, where f looks flat.

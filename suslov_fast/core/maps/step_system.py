@@ -117,7 +117,7 @@ def field_step_of_one(system, state, out, memory):
     for stage in range(len(system.half)):
         for i in range(len(x)):
             out[i] = x[i]
-        bits = np.int64(1)  # 1: not accurate, or no code: use `solve_lane`; 256: det A < 0
+        bits = np.int64(1)  # 1: not accurate, or there is no code; 256: det A < 0
         if system.address != 0:
             table = system.table[stage].ctypes.data
             bits = call_code(system.address, (x.ctypes.data, table))

@@ -49,7 +49,7 @@ TESTED = 0, 68  # the newest Numba with which this version was tested
 # other Python threads run during a kernel. Without fastmath LLVM forms no FMA and reorders no sum,
 # so that serial, parallel, vectorised and interpreted runs agree to the bit.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
-# Without wrappers for calls from Python or C: each takes as long to compile as a short function.
+# No needless wrappers for calls from C or Python: each compiles as slowly as a short function.
 _FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
 _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}

@@ -63,8 +63,8 @@ TINY = 2.0**-100
 CRITICAL = 2.0**-90  # a smaller r may be 0 or negative: r**n is then real for integers n only
 NO_SQUARE = 1e-300  # replaces a smaller |A**2 - k**2|, so that sin(n a) / root is n e
 PARITY_KNOWN = 2.0**53  # larger floats are even, by rounding: the sign of r**n, r < 0, is unknown
-FAINT = 1e-140  # ell / nu below this has a subnormal square: states are unknown for one sign of n
-VANISHES = -350.0  # exp(t) is set to 0 for t below this, because its square would be subnormal
+FAINT = 1e-140  # ell / nu below this may have a subnormal square: states unknown for one sign of n
+VANISHES = -350.0  # exp(t) is set to 0 for t below this, because its square may be subnormal
 ORDINARY = 2.0**32  # sizes of states between 1 / ORDINARY and this need no `unit_of`
 
 # Rows of a block. States, momenta and inverse times are in the unit UNIT.
@@ -73,7 +73,7 @@ B1, B2, C1, C2, D12, D22 = range(8, 14)  # the coefficients b, c, d12, d22 for n
 BACK = 6  # rows from each of these coefficients to the one for n < 0
 PASSES, ROOT = 20, 21  # 1 for an orbit of the kind "passes", else 0; sqrt(|A**2 - k**2|)
 R, RATE = 22, 23  # r of an orbit of the kind "passes"; the result of `rate`
-MISSING = 24  # the sign of the n for which the state is unknown; 0 if there are none
+MISSING = 24  # the sign of the n with unknown states, if eps > 0; 0 if there are none
 TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(25, 31)
 E_, ROOT_A, G1, G2 = range(31, 35)  # e > 0, sqrt(I1 I2), I13 / I1 and I23 / I2
 H1, H2, PER_G = range(35, 38)  # I13 / ROOT_A, I23 / ROOT_A and 1 / |g|**2

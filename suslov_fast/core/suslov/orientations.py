@@ -17,7 +17,7 @@ from .blocks import empty_at_line
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of `c`, one number a lane: |b|**2, r.b and eps / 4
 CLEAN_EVERY = 16
-# A longer b is cut to this length, whose square is in range: cay(S) is a half turn in both cases.
+# If a |b_i| is above this, b is scaled down to it: |b|**2 is in range, cay(S) stays a half turn.
 HALF_TURN = 2.0**500
 
 

@@ -37,8 +37,8 @@ PROJECTED = 512  # steps after which a general state is projected on the level o
 GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0  # forms of a state, see `map_3d`; no step changes a FIXED one
 TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
-# Rows of a block. A run continues from the first three rows if all its lanes have the form PLAIN.
-# Else it continues from the first CARRIED rows; in lanes of the form FIXED, U and V are the state.
+# Rows of a block. If all its lanes have the form PLAIN, a run continues from its first three rows,
+# else from its first CARRIED rows, in which U and V are the state of lanes of the form FIXED.
 FORM, X_, Y_ = range(3)  # X and Y of the plain form
 XG, U, V, R = range(3, 7)  # X, u and v of the general form, and R at the start
 CARRIED_BY_PLAIN, CARRIED = XG, R + 1

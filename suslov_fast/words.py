@@ -170,7 +170,7 @@ TABLE = (
   ("invariantmeasure measure density densities", "measures",
    "kahan.invariant_density(system, x, eps), or suslov_fast.integrability.report(field).measures"),
 )  # fmt: skip
-# Rows that count only for functions and objects with an argument or attribute `steps` or `time`.
+# Rows whose advice is only for functions and objects with an argument or attribute `steps`, `time`.
 OF_STEPS = (
   ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
   ("dt h step stepsize deltat firststep initialstep", "eps",

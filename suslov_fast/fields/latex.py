@@ -16,7 +16,7 @@ _SIGNS: dict[type, str] = {
     ast.GtE: r" \ge ", ast.Eq: " = ", ast.NotEq: r" \ne ", ast.USub: "-", ast.UAdd: "",
     ast.Invert: r"\lnot ",
 }  # fmt: skip
-# Signs with larger numbers bind tighter. A quotient is written as a fraction without brackets.
+# Signs with larger numbers bind tighter. A quotient is a fraction, whose parts need no brackets.
 _LEVELS: dict[type, int] = {
     ast.BitOr: -2, ast.BitXor: -1, ast.BitAnd: 0, ast.Add: 2, ast.Sub: 2, ast.USub: 3, ast.UAdd: 3,
     ast.Mod: 3, ast.Mult: 3, ast.Invert: 3, ast.Div: 4, ast.FloorDiv: 4, ast.Pow: 4,

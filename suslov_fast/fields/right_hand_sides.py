@@ -155,7 +155,7 @@ def _with_inputs(
     f, constants = _with_constants(equations, wrt, actions)
     if (P := len(parameters)) == f.P:
         return f, parameters
-    # Constants follow, then branches and start values of clocks, which steps set for each state.
+    # Constants follow, then start values of clocks and branches, which steps set for each state.
     given = np.zeros((f.P, *parameters.shape[1:]))
     given[:P] = parameters
     if constants:

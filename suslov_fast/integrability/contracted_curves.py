@@ -268,7 +268,7 @@ class _Germs:
         *lower, leading = next(coefficients for coefficients in every if len(coefficients) > 1)
         n = len(lower)
         terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
-        self._modulus = sum(terms, self._r**n)  # its roots are `leading` times those of P
+        self._modulus = sum(terms, self._r**n)  # its roots: `leading` times those of a factor of P
         return on_line(leading)
 
     def _across_line(self, line: list[Any]) -> list[Any]:

@@ -24,7 +24,7 @@ Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
 A = TypeVar("A")
 
-_LETTER = "_letter_"  # prefix of all letters (symbolic parameters) except eps; variables x lack it
+_LETTER = "_letter_"  # prefix of letters other than eps; a ring's single letter may be called eps
 
 
 def _from_terms(names: Any, terms: Any) -> Any:

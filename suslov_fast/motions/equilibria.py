@@ -33,7 +33,7 @@ _FARTHEST = 2.0  # the largest ratio of a step to the state; above it Newton's m
 # Steps of Newton's method, divided by the state. A step below _ROUNDING is the last one; so is a
 # step that does not shrink by the factor _SHORTER after a step below _SMALL.
 _ROUNDING, _SMALL = 1e-14, 1e-8
-_LEAST = 1e-6  # the unit of a component is at least this part of the largest component
+_LEAST = 1e-6  # `sizes` in `_Equations` are at least this part of the largest component
 _RANK = 1e-12  # singular values up to this part of the largest one count as 0
 _WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest singular value
 _PROBE = 1e-6  # Newton's method leads back to a regular equilibrium from this relative displacement
@@ -477,7 +477,7 @@ def _totals(C: FloatArray) -> FloatArray:
     totals = np.zeros((k, k))
     if not C.any():
         return np.eye(k)
-    if not np.isfinite(C).all():  # a parameter is NaN or infinite
+    if not np.isfinite(C).all():  # a coefficient has no value, as 1/a - 1/a for a parameter a = 0
         return totals
     _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
     free = rows[int((values > _RANK * values[0]).sum()) :]

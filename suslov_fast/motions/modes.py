@@ -113,7 +113,7 @@ class Sliding:
             part = to_tolerance(groups, field.shape, self.starts, K, self.request)
         of_part, ends = part.records.in_order(), part.all_ends
         status = ends.status
-        # An infinite mode says that no values of modes are consistent, or several: status SLIDING.
+        # An infinite mode marks a failure, as if no values of modes are consistent: status SLIDING.
         # If the user has no events on surfaces, changes of modes accumulate: SLIDING, too.
         status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
         if not self.surfaces:

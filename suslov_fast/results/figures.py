@@ -24,7 +24,7 @@ except ImportError:
 __all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
-_MANY = 100_000  # more states are not joined by lines by default, and are pixels in PDF files
+_MANY = 100_000  # more states are not joined by default; more numbers in them: pixels in PDF files
 _ALONE = 64  # the most orbits that have a line each
 _IN_LEGEND = 8  # the most orbits in a legend
 _STYLES = "-", "--", ":", "-."  # styles of lines, for values of a second parameter

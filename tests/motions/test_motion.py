@@ -157,6 +157,28 @@ def test_a_time_just_after_the_start_of_a_step_does_not_change_states_inside_it(
     np.testing.assert_array_equal(other.states[np.searchsorted(with_others, times)], run.states)
 
 
+@pytest.mark.parametrize("after", [[1], [1, 30], [30]])
+def test_times_within_rounding_after_the_start_of_a_step(after):
+    field = Field(lambda x: (x[1] * x[2], -np.sin(3 * x[0]) * x[2] / (1 + x[1] ** 2), 0), "x y on")
+    begins, later = (
+        Event(times=[1e7], to=lambda x: (x[0], x[1], 1.0)),
+        1e7 + 0.04 * np.arange(1, 60),
+    )
+    times = np.concatenate([1e7 + np.spacing(1e7) * np.array(after), later])
+    run, few = (
+        flow(field, [1, 0.3, 0], time=each, rtol=1e-2, events=begins) for each in (times, later)
+    )
+    np.testing.assert_array_equal(run.states[len(after) :], few.states)
+    assert few.status == Status.OK
+
+
+def test_a_quarter_of_a_step_that_hits_a_missing_value():
+    field = Field(lambda x, c: (np.sin(x[1] - c) / (x[1] - c), 1), "x t", c=0.25 / 96)
+    times = [1e-12, 0.01, 0.0275, 0.055, 1.0]
+    states = flow(field, [1, 0], time=times, max_step=0.25, rtol=1e-3, stiff=False).states
+    assert abs(states[:, 0] - [1, 1.01, 1.027499, 1.054992, 1.946495]).max() < 1e-5
+
+
 def test_empty_and_trivial_calls():
     events = [sf.Event("x1"), sf.Event(times=[0.5, 1.0])]
     never = flow(HENON_HEILES, [0.1, 0, 0, 0.2], time=[], events=events)

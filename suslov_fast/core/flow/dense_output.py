@@ -24,7 +24,7 @@ from .weights import EXPLICIT, ORDER, weights
 
 # The largest error of the polynomial p is OF_DEFECT times its defect at TESTS, in quarters of the
 # step. FEW columns give its nodes x_j; one column more is used if FEW columns have an error above
-# OF_FEW allowed errors in the whole step. In the first and last AT_END of the step p needs no test.
+# OF_FEW allowed errors in the whole step. In the last part AT_END of the step p needs no test.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Two sets of weights: for the first FEW columns, and for FEW + 1; all other columns have weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
@@ -56,26 +56,14 @@ def WITH_SIGN(value, x, keeps):
 
 
 def save_between(code):
-    """Save states at times within a step, by interpolation; reject the step if it fails."""
+    """Save states at times within a step, by interpolation."""
     _find_nodes(code)
-    _save_up_to(code, AT_END)
     _test(code)
-    _save_up_to(code, 1.0)
-
-
-def _save_up_to(code, part):
-    """Save states at the requested times in the first `part` of a step."""
-    line, work = code.line, code.work
-
-    def is_due():
-        return _passed(code, Value.__gt__) & (line.next[0] - work.t[0] <= part * work.taken[0])
-
-    with code.text.when(is_due().any(), likely=part > 0.5):
-        for now in code.text.rounds(Carried()):
-            quarters = 4.0 * ((line.next[0] - work.t[0]) / work.taken[0])
-            _put_between(code, weights_at(quarters))
-            save(code, is_due().bits(), work.start)
-            now.goes_on = is_due().any()
+    for now in code.text.rounds(Carried()):
+        quarters = 4.0 * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
+        _put_between(code, weights_at(quarters))
+        save(code, _passed(code, Value.__gt__).bits(), code.work.start)
+        now.goes_on = _passed(code, Value.__gt__).any()
 
 
 def save_states(code):
@@ -158,14 +146,17 @@ def _test(code):
         for i in text.each(D, sums):
             defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f[i])
             sums.ratio = larger_of(OF_DEFECT * defect * work.inverse[i], sums.ratio)
-            sums.total = sums.total + abs(work.f[i])
-    length = line.next[0] - work.t[0]
-    is_inside = _passed(code, Value.__gt__) & (work.taken[0] - length > AT_END * work.taken[0])
-    fails = is_inside & ~((sums.ratio <= 1.0) & (sums.total < inf))
+            sums.total = sums.total + (abs(work.f[i]) + defect)
+    taken, length = work.taken[0], line.next[0] - work.t[0]
+    is_right = (sums.ratio <= 1.0) | (taken - length <= AT_END * taken)
+    fails = _passed(code, Value.__gt__) & ~(is_right & (sums.total < inf))
     with text.when(fails.any(), likely=False):
         state = line.state[0]
         state = state.equals(float(LaneState.TOO_MANY)).select(state, float(LaneState.EXPLICIT))
-        again = {"wanted": length, "second": inf, "t": work.t[0], "steps": line.steps[0] - 1.0}
+        # A length at the start would be too short for the steps after it: it is a step aside.
+        is_short = length <= larger_of(AT_END * taken, NEARLY * work.t[0])
+        again = {"wanted": is_short.select(taken, length), "second": inf}
+        again |= {"t": work.t[0], "steps": line.steps[0] - 1.0}
         code.keep(line, again | {"state": state, "longer": AFTER_REFUSED}, fails)
         work.accepted.choose(fails, 0, 0.0)
 

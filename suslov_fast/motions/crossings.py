@@ -101,8 +101,8 @@ def crossings(
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
     system = system_of(system, x0)
-    given = Settings(rtol=rtol, atol=atol, max_step=max_step, stiff=stiff)
-    settings = checked_settings(system, *given)
+    settings = Settings(rtol=rtol, atol=atol, max_step=max_step, stiff=stiff)
+    settings = checked_settings(system, *settings)
     names = checked_derivatives(system, derivatives)
     duration, before = one_number("time", time, _LAST), one_number("transient", transient)
     if before < 0.0:

@@ -24,7 +24,7 @@ from .weights import EXPLICIT, ORDER, weights
 
 # The largest error of the polynomial p is OF_DEFECT times its defect at TESTS, in quarters of the
 # step. FEW columns give its nodes x_j; one column more is used if FEW columns have an error above
-# OF_FEW allowed errors in the whole step. In the last part AT_END of the step p needs no test.
+# OF_FEW allowed errors in the whole step. In the last part AT_END of a step p is accurate.
 FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
 # Two sets of weights: for the first FEW columns, and for FEW + 1; all other columns have weight 0.
 WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
@@ -135,7 +135,7 @@ def _find_nodes(code):
 
 
 def _test(code):
-    """Reject the step if interpolation fails, unless the next time is nearly at its end."""
+    """Reject the step if interpolation fails: the polynomial is not finite, or not accurate."""
     text, line, work, D = code.text, code.line, code.work, code.D
     sums = Carried(ratio=0.0, total=0.0)
     for v in TESTS:
@@ -153,7 +153,7 @@ def _test(code):
     with text.when(fails.any(), likely=False):
         state = line.state[0]
         state = state.equals(float(LaneState.TOO_MANY)).select(state, float(LaneState.EXPLICIT))
-        # A length at the start would be too short for the steps after it: it is a step aside.
+        # A very short step would be followed by others that are too short. So it is a step aside.
         is_short = length <= larger_of(AT_END * taken, NEARLY * work.t[0])
         again = {"wanted": is_short.select(taken, length), "second": inf}
         again |= {"t": work.t[0], "steps": line.steps[0] - 1.0}

@@ -1,8 +1,8 @@
 """The second trial of a step whose error may be due to rounding of the state.
 
 Rounding of the state changes f. The effect is large if components cancel, or if f is steep in time
-or begins at 0. So a step that would be rejected has a second trial. The trial allows an error of |h
-(f(x') - f(x))|, where x is an end of the step and x' a state beside it. Of the two ends, the one
+or begins at 0. So a step that would be rejected has a second trial. The trial allows an error of
+|h (f(x') - f(x))|, where x is an end of the step and x' a state beside it. Of both ends, the one
 with the smaller change counts. In an implicit step A**-1 (`linearly_implicit`) multiplies the
 allowed error, because fast modes forget it. In x' clocks are later by 2**-50 of their values, and
 other components differ by about 2**-49 of their values. A trial takes time, so only steps after a

@@ -34,7 +34,7 @@ def _offsets(text, parts, j):
 def _along(text, parts, begin, end, row_0, numbers=0):
     """Add loops to `text` over the rows of the spans begin, ..., end - 1 in `parts.spans`.
 
-    A span is a range of consecutive rows in which a column of L or U has entries.
+    A span is a range of consecutive rows with entries of a column of L or U, and small gaps.
     Yield the text for a loop's body, the address of a row in a column, and the address of the entry
     of L or U in this row. `row_0` is the address of row 0, `numbers` of the first entry. If W is 1,
     one loop takes AT_ONCE rows as lanes of a wider text; the bits are the same.

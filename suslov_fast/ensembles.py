@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import checks
+from .calls import Progress, reporter
 from .checks import Reals, common_shape, extra, warn, wrong
 from .fields.base import Body
 from .keywords import public, refuse_unknown
-from .maps.batch import Progress, reporter
 from .motions.events import checked_events
 from .motions.flow import flow
 from .motions.motion_arguments import either_map_or_motion

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..calls import flat_arrays
 from ..checks import FloatArray, warn
 from ..core.suslov import closed_form
-from ..maps.kernel_arguments import by_constants, flat_arrays
+from ..maps.kernel_arguments import by_constants
 from ..maps.kernel_calls import call_kernel
 from ..maps.problem import Problem
 from ..status import IntegrationWarning

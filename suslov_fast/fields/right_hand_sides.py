@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.expressions.branches import with_fixed_branches
 from ..core.expressions.dense_product import ENTRY, is_matrix
-from ..core.expressions.event_formulas import EventAction, KeyedProgram, with_parameters
 from ..core.expressions.full_quadratic import DenseRightHandSide, dense_parameters
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions, depending, emitted, in_order
 from ..core.expressions.right_hand_side import RightHandSide
 from ..core.expressions.tables import is_table
 from ..core.expressions.values import operand_of
+from ..core.hybrid.branches import with_fixed_branches
+from ..core.hybrid.event_formulas import EventAction, KeyedProgram, with_parameters
 from .equations import Equations
 from .names import labels
 from .terms import Terms

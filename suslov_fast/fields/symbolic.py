@@ -306,6 +306,20 @@ if hasattr(
     os.register_at_fork(before=_ONE_CALL.acquire, after_in_parent=_release, after_in_child=_release)
 
 
+class _Maker:
+    """A function of NumPy, such as `np.array`, that returns `Symbols` in the thread `caller`."""
+
+    def __init__(self, name: str, make: Any, caller: int) -> None:
+        self.name, self.make, self.caller, self.__module__ = name, make, caller, "numpy"
+
+    def __call__(self, *given: Any, **others: Any) -> Any:
+        array = self.make(*given, **others)
+        return _wrapped(array) if threading.get_ident() == self.caller else array
+
+    def __reduce__(self) -> str:  # other threads may pickle the function meanwhile
+        return self.name
+
+
 def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
     """Return the value of f, for which `np.array` and similar functions return `Symbols`.
 
@@ -315,14 +329,10 @@ def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
     """
     caller = threading.get_ident()
 
-    def making(make: Any, *given: Any, **others: Any) -> Any:
-        array = make(*given, **others)
-        return _wrapped(array) if threading.get_ident() == caller else array
-
     with _ONE_CALL:
         plain = {name: getattr(np, name) for name in _MAKERS}
         try:
-            vars(np).update((k, functools.partial(making, make)) for k, make in plain.items())
+            vars(np).update((k, _Maker(k, make, caller)) for k, make in plain.items())
             return f(state, **parameters)
         finally:
             vars(np).update(plain)

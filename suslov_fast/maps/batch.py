@@ -5,7 +5,6 @@ first: at each call all trajectories have taken the same number of steps, so the
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -14,7 +13,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, is_false, short, wrong
+from ..calls import ALL, Report, flat_arrays, flat_parameter
+from ..checks import FloatArray
 from ..core.maps.kernel import field_steps
 from ..core.maps.step_system import FieldSystem, steps_of_one
 from ..core.numba.decorators import Kernel
@@ -22,7 +22,7 @@ from ..core.numba.span import AXES, Output, Span
 from ..core.suslov import orientations
 from ..core.suslov.map_3d import BodySystem
 from ..core.suslov.map_nd import NDSystem
-from .kernel_arguments import ALL, Arguments, flat_arrays, flat_parameter
+from .kernel_arguments import Arguments
 from .kernel_calls import call_kernel
 from .problem import Problem
 
@@ -39,28 +39,6 @@ TURNING = 2**24
 # The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
 # for slower maps. After each report the states of a large batch are read from memory again.
 BETWEEN = 256
-
-Progress = bool | None | Callable[[int, int], object]  # the argument `progress` of long calls
-Report = Callable[[int], bool]  # takes the number of steps done so far; False ends the run
-_SILENT = nullcontext()  # the context without `progress`, made once for speed in small calls
-
-
-def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
-    """Check `progress`; return a context manager that gives the `Report` of a run, or None."""
-    if progress is None or progress is False:
-        return _SILENT
-    if progress is True:
-        return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
-    if not callable(progress):
-        expected = "True, for a bar, or a function that is called as progress(done, total)"
-        raise wrong("progress", expected, short(progress), TypeError)
-    return nullcontext(lambda done: not is_false(progress(done, total)))
-
-
-@contextmanager
-def _bar(tqdm: Any, total: int) -> Iterator[Report]:
-    with tqdm(total=total, unit="", unit_scale=True) as bar:  # counts steps, states or trajectories
-        yield lambda done: bar.update(done - bar.n) is not False
 
 
 class StepMethod(NamedTuple):

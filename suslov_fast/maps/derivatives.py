@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls import ALL, Report, flat_arrays
 from ..checks import FloatArray
 from ..core.maps.kernel import field_steps, scheme_of
 from ..core.maps.stages import Scheme
 from ..core.numba.span import Output, Span
 from ..fields.terms import Terms, slopes_at
-from .batch import Report
-from .kernel_arguments import ALL, by_scheme, by_zeros, flat_arrays
+from .kernel_arguments import by_scheme, by_zeros
 from .problem import Problem
 
 # Operations of one call of a kernel, some tenths of a second; between calls Ctrl-C is handled.

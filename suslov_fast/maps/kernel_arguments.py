@@ -1,42 +1,18 @@
 """Arguments of kernels: one row for all trajectories, or a row for each."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls import ALL, flat_parameter
 from ..checks import FloatArray, wrong
 from ..core.maps.kernel import scheme_of
 from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
 from ..core.suslov.map_nd import FAR_FROM_0, NDSystem
-
-
-def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return an array, broadcast to the batch, as (B, ...): it keeps its last `axes` axes."""
-    split = array.ndim - axes
-    inner = array.shape[split:]
-    if array.shape[:split] != batch:
-        array = np.broadcast_to(array, (*batch, *inner))
-    elif array.flags.carray:  # kernels are compiled for this memory layout alone
-        return array.reshape((math.prod(batch), *inner))
-    flat = array.reshape(math.prod(batch), *inner)
-    return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
-
-
-def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
-    """Return a parameter as (1, ...) if the batch shares it, else as (B, ...), with `axes` axes."""
-    if type(value) is float:
-        return np.array([value])
-    array = np.asarray(value)
-    inner = array.shape[array.ndim - axes :]
-    if array.size == math.prod(inner):
-        array, batch = array.reshape((1, *inner)), (1,)
-    return flat_arrays(array, batch, axes)
-
 
 Arguments = tuple[NDArray[Any], ...]
 
@@ -48,9 +24,6 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
     axes = max(body._axes.get(name, 0) for name in body._arrays)  # the most axes of any constant
     constants = [flat_parameter(value, batch, axes) for value in body._constants]
     return *constants, flat_parameter(eps, batch)
-
-
-ALL = slice(None)  # the indices of a group of all trajectories
 
 
 def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOLE) -> Any:

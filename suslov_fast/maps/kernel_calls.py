@@ -7,7 +7,7 @@ import numba
 
 import suslov_fast
 
-from ..checks import integer
+from ..calls import available
 from ..core.numba.decorators import Kernel
 
 # A call of fewer steps, of all trajectories together, is serial. Measured on two cores: threads
@@ -19,20 +19,6 @@ CROSSOVER = 1_000_000
 # threads of Python make serial calls, whose results are bit-identical; so does a child that was
 # forked during the call, in which nobody gives the lock back.
 _one_at_a_time = threading.RLock()
-
-
-def thread_count(threads: int | None) -> int | None:
-    """Return the checked number of threads of a call; None means all threads of Numba."""
-    if threads is None:
-        return None
-    limit = int(numba.config.NUMBA_NUM_THREADS)
-    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
-    return integer("threads", threads, 1, expected, limit)
-
-
-def available() -> int:
-    """Return the number of threads that Numba uses now; asking starts them."""
-    return 1 if suslov_fast._threads_are_gone else int(numba.get_num_threads())
 
 
 def call_kernel(

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..calls import thread_count
 from ..checks import FloatArray, common_shape, real_number, wrong
-from .kernel_calls import thread_count
 
 
 class Problem(NamedTuple):

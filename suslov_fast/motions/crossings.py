@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
+from ..calls import Progress, thread_count
 from ..checks import StatesLike, integer, one_number, short, wrong
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
-from ..maps.batch import Progress
-from ..maps.kernel_calls import thread_count
 from .event import Event
 from .events import Events
 from .flow import solved

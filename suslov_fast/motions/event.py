@@ -15,7 +15,7 @@ import numpy as np
 from .. import checks
 from ..checks import either, short, wrong
 from ..core.cached import cached_property
-from ..core.expressions.event_formulas import EventAction, KeyedProgram, read_by
+from ..core.hybrid.event_formulas import EventAction, KeyedProgram, read_by
 from ..fields import trace
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written

@@ -12,12 +12,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls import flat_arrays
 from ..checks import FloatArray, common_shape, integer, short, wrong
-from ..core.expressions.event_formulas import EventAction, in_order_of_code
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
+from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..fields.html import html_table
-from ..maps.kernel_arguments import flat_arrays
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words

@@ -9,15 +9,14 @@ import numpy as np
 
 from .. import checks
 from ..bodies.systems import System
+from ..calls import Progress, reporter, thread_count
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import public
-from ..maps.batch import Progress, reporter
 from ..maps.derivatives import growth
 from ..maps.evaluation import mask_and_warn
-from ..maps.kernel_calls import thread_count
 from ..maps.map_records import Method, eps_and_steps, map_of
 from ..maps.problem import Problem, check
 from ..status import Status, report_poles

@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.exact import states_at
 from ..bodies.systems import System
+from ..calls import Progress, flat_arrays, reporter
 from ..checks import FloatArray, Reals, StatesLike
-from ..core.expressions.event_formulas import EventAction
 from ..core.flow.batch_solver import Settings, SolverRequest
+from ..core.hybrid.event_formulas import EventAction
 from ..fields.field import Field, system_of
 from ..fields.right_hand_sides import with_events
 from ..keywords import public
-from ..maps.batch import Progress, reporter
-from ..maps.kernel_arguments import flat_arrays
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
 from ..results.result import read_only

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
+from ..calls import ALL, available
 from ..checks import FloatArray
 from ..core.flow.batch_solver import COLUMNS, BatchSolver, SolverRequest, closer
 from ..core.flow.growing_components import LATER, RELATIVE
@@ -18,8 +19,6 @@ from ..core.flow.integrator import Integrator
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..fields.right_hand_sides import OfMembers
-from ..maps.kernel_arguments import ALL
-from ..maps.kernel_calls import available
 from ..status import Status
 
 _IN_THREADS = 64  # up to so many trajectories share one thread, unless the user passes `threads`

@@ -1,6 +1,6 @@
 """Solutions that slide along surfaces at which f jumps, or rest: computed again, with modes.
 
-A mode is a further component of the state, see `core/expressions/sliding.py`: 0 while the solution
+A mode is a further component of the state, see `core/hybrid/sliding.py`: 0 while the solution
 slides along its surface.
 """
 
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ..checks import warn
-from ..core.expressions.event_formulas import EventAction, in_order_of_code
-from ..core.expressions.sliding import SlidingEquations
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
+from ..core.hybrid.event_formulas import EventAction, in_order_of_code
+from ..core.hybrid.sliding import SlidingEquations
 from ..fields.equations import Equations
 from ..fields.field import Field
 from ..fields.right_hand_sides import with_events

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
-from ..maps.kernel_arguments import flat_arrays
-from ..maps.kernel_calls import thread_count
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event

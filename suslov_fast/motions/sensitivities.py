@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ..calls import flat_arrays
 from ..checks import FloatArray
-from ..core.expressions.event_formulas import EventAction
 from ..core.expressions.variational import variational
 from ..core.flow.batch_solver import SolverRequest
 from ..core.flow.held import HALF
+from ..core.hybrid.event_formulas import EventAction
 from ..fields.right_hand_sides import OfMembers, with_events
-from ..maps.kernel_arguments import flat_arrays
 from .integration import Records, SolverResult, to_tolerance
 
 

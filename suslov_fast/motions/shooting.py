@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray
-from ..core.expressions.event_formulas import components_of
 from ..core.flow.batch_solver import Settings, SolverRequest
+from ..core.hybrid.event_formulas import components_of
 from ..fields.right_hand_sides import with_events
 from .event import Event
 from .events import actions_of, event_times_of

@@ -22,16 +22,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls import ALL
 from ..checks import FloatArray
-from ..core.expressions.event_formulas import EventAction, components_of
 from ..core.expressions.orthonormal_frame import SHIFT, with_frame
 from ..core.expressions.variational import variational
 from ..core.flow import batch_solver
 from ..core.flow.batch_solver import BatchSolver, EventTimes, SolverRequest
 from ..core.flow.growing_components import RELATIVE
 from ..core.flow.memory import LaneState
+from ..core.hybrid.event_formulas import EventAction, components_of
 from ..fields.right_hand_sides import with_events
-from ..maps.kernel_arguments import ALL
 from ..status import Status
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 
@@ -134,7 +134,7 @@ class _Run:
         self.event_times = request.event_times
         self.n = len(self.moving)
         self.tangent = variational(f, self.n, True)
-        is_plain = not (f.is_dense or f.products or f.branches or f.events)
+        is_plain = not (f.is_dense or f.products or f.hybrid.branches or f.hybrid.events)
         self.has_frames = np.full(len(x), is_plain and self.n <= _LARGEST_FRAME)
         self.count = np.zeros(len(x), np.int64)  # number of segments so far
         self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far
@@ -281,7 +281,7 @@ class _Run:
         engine = self._solved(which, length, frame, table, start)
         (end,), ended = engine.states, engine.state != LaneState.DONE
         if starts is not None:
-            end[:, [*self.f.offsets]] += starts
+            end[:, [*self.f.hybrid.offsets]] += starts
         V = end[:, D:-n].reshape(K, n, n) - SHIFT
         Q, diagonal = _decomposed(V)
         off = abs(V.transpose(0, 2, 1) @ V - np.eye(n)).max(axis=(1, 2))
@@ -340,7 +340,7 @@ class _Run:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
         trajectory, number = rows.copy().view(np.int64).T
-        at_times = trajectory[number >= self.f.events.surfaces]
+        at_times = trajectory[number >= self.f.hybrid.events.surfaces]
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _bury(self, k: int, are_lost: NDArray[np.bool_], V: FloatArray) -> None:

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.systems import MapOrField
+from ..calls import Progress, reporter
 from ..checks import FloatArray, Reals, StatesLike, integer, one_of
 from ..keywords import public
-from ..maps.batch import BatchRun, Progress, reporter
+from ..maps.batch import BatchRun
 from ..maps.map_records import Method, eps_and_steps, eps_of, map_of
 from ..maps.problem import check
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures

@@ -97,7 +97,7 @@ def attempts(f, table, x, last, settings):
     while True:
         own = rows[0, : f.D].copy()
         if motion.starts is not None:
-            own[[*f.offsets]] += motion.starts[0]
+            own[[*f.hybrid.offsets]] += motion.starts[0]
         yield rows[0, places.t], own
         if rows[0, places.state] > LaneState.IMPLICIT:
             return

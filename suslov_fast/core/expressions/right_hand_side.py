@@ -1,6 +1,7 @@
 """Right-hand sides of x' = f(x) as expression programs, with derivatives and properties."""
 
 import functools
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,29 @@ from .numpy_evaluation import results_at
 from .programs import Expressions, Program, folded, needed_for
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
+
+
+class Hybrid(NamedTuple):
+    """What happens to a motion of f at surfaces and at given times; nothing if f is smooth.
+
+    events       `EventSet` of actions along the motion, or None
+    branches     `Branches` of f, or None
+    branch_program  `Program` that finds the branches at a state, see `branches._choices`
+    derived      `Program` of the numbers of f's table that depend on branches
+    watched      `Program` of the surfaces with crossings that end steps
+    watch, double_crossings, aim  programs that find crossings, see the functions of these names
+    offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
+    """
+
+    events: Any = None
+    branches: Any = None
+    branch_program: Program | None = None
+    derived: Program | None = None
+    watched: Program | None = None
+    watch: Program | None = None
+    double_crossings: Any = None
+    aim: Any = None
+    offsets: dict = {}
 
 
 class RightHandSide:
@@ -36,13 +60,9 @@ class RightHandSide:
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
                  j = D, ... are the parameters `by`
     longest      operand of the longest step, a function of parameters, see `pulses`
-    offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
-    events       `EventSet` of actions along the motion, or None
     of, columns  f and 0; in a `Variational`, the right-hand side of x and the number of columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
-
-    The module `branches` sets the other programs, which are None if f has neither branches nor
-    events. `watched` has the surfaces with crossings that end steps.
+    hybrid       `Hybrid`, which the module `hybrid.branches` sets
     """
 
     is_written = True
@@ -88,9 +108,8 @@ class RightHandSide:
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
 
-    is_dense, events, offsets, columns = False, None, {}, 0
+    is_dense, columns, hybrid = False, 0, Hybrid()
     of = property(lambda self: self)
-    branches = watched = watch = double_crossings = aim = branch_program = derived = None
     entries = property(lambda self: len(self.pattern))
 
     @cached_property
@@ -123,13 +142,11 @@ class RightHandSide:
     @cached_property
     def key(self):
         """A text that is different for right-hand sides with different machine code."""
-        lists = self.f, self.fixed, self.derivative, self.linked, self.watched, self.watch
-        lists += self.double_crossings, self.aim, self.branch_program, self.derived
+        lists = self.f, self.fixed, self.derivative, self.linked
         lists += self.slopes, self.slope_places, self.surfaces, self.denominators
-        lists += self.of_one_sign, self.steady, self.offsets, self.events
-        branches = None if self.branches is None else (self.branches.kinds, self.branches.shifts)
+        lists += self.of_one_sign, self.steady
         columns = () if self.of is self else (self.columns, self.has_trace, self.of.key)
-        return repr((self.D, self.table, branches, *lists, columns))
+        return repr((self.D, self.table, *self.hybrid, *lists, columns))
 
     def _find_properties(self, values):
         """Find clocks and components of one sign; add denominators of clocks to `values`."""

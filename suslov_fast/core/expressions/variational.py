@@ -8,12 +8,6 @@ from .dense_product import along
 from .programs import Expressions, Program, dot, emitted, united
 from .right_hand_side import RightHandSide
 
-# Attributes that are the same as those of f, because they depend on x alone, not on the columns.
-_OF_X = (
-    "clocks steady of_one_sign branches branch_program watch watched double_crossings aim events "
-    "offsets derived longest"
-).split()
-
 
 class Variational(RightHandSide):
     """The right-hand side of x, of columns v' = f'(x) v, and of s' = u trace f' with u' = 0.
@@ -50,8 +44,9 @@ class Variational(RightHandSide):
             diagonal = [row[i] for i, row in enumerate(rows) if i in row and not f.products]
             rates += [0.0, dot(values.emit, [(n - 2, a) for a in diagonal]) or 0.0]
         super().__init__(values, rates, P, kept=table)
-        for name in _OF_X:
-            setattr(self, name, getattr(f, name, None))
+        # These depend on x alone, not on the columns.
+        self.clocks, self.steady, self.of_one_sign = f.clocks, f.steady, f.of_one_sign
+        self.longest, self.hybrid = f.longest, f.hybrid
         self.denominators = poles
         self.f = Program(values.operations, self.f.results)
         self.with_denominators = Program(self.f.operations, [*self.f.results, *poles])

@@ -158,30 +158,32 @@ def counted_from_start(f, table, x0):
 
     Return (table, x0, starts); `starts` (B, clocks) are the start values, or None if all are 0.
     """
-    starts = x0[:, [*f.offsets]]
+    starts = x0[:, [*f.hybrid.offsets]]
     if not np.count_nonzero(starts):
         return table, x0, None
     own, x0 = f.of, x0.copy()
-    count = own.P if f.branches is None else f.branches.P  # places from `count` on: branches
+    count = (
+        own.P if f.hybrid.branches is None else f.hybrid.branches.P
+    )  # places from `count` on: branches
     if f is own and len(x0) == 1:  # NumPy would take ten times as long
         given = np.zeros(own.P)
         given[:count] = table.ravel()[:count]
-        for clock, number in f.offsets.items():
+        for clock, number in f.hybrid.offsets.items():
             given[number - own.D], x0[0, clock] = x0[0, clock], 0.0
         return by_code(f, TABLE, given).reshape(table.shape), x0, starts
     of_clocks = starts[0] if table.ndim == 1 and (starts == starts[0]).all() else starts
     inputs = np.zeros((*np.broadcast_shapes(table.shape[:-1], of_clocks.shape[:-1]), own.P))
     inputs[..., :count] = table[..., :count]
-    inputs[..., [number - own.D for number in f.offsets.values()]] = of_clocks
+    inputs[..., [number - own.D for number in f.hybrid.offsets.values()]] = of_clocks
     table = np.broadcast_to(table, (*inputs.shape[:-1], table.shape[-1]))
-    x0[:, [*f.offsets]] = 0.0
+    x0[:, [*f.hybrid.offsets]] = 0.0
     return np.ascontiguousarray(f.table_with(inputs.T, table.T).T), x0, starts
 
 
 def add_starts(f, starts, states, records):
     """Add the start values (B, clocks) of clocks to states (count, B, D), also in `records`."""
-    clocks = np.array([*f.offsets])
-    for clock, start in zip(f.offsets, starts.T, strict=True):
+    clocks = np.array([*f.hybrid.offsets])
+    for clock, start in zip(f.hybrid.offsets, starts.T, strict=True):
         states[..., clock] += start
     for rows in records:
         own = starts[rows[:, 0].view(np.int64)]
@@ -224,12 +226,12 @@ class BatchSolver:
         set_times(self.numbers, integrator, settings, self.times)
         if not acts:
             self.numbers[NUMBER.acts] = 0.0
-        if f.events:
+        if f.hybrid.events:
             event_times = request.event_times or NO_EVENT_TIMES
             self.event_times, self.equal = event_times.array
             self.numbers[NUMBER.enough] = request.most
             self.numbers[NUMBER.since] = request.since
-        if f.branches:  # trajectories have branches of their own, which the code chooses
+        if f.hybrid.branches:  # trajectories have branches of their own, which the code chooses
             self.table = np.broadcast_to(self.table, (B, self.table.shape[-1])).copy()
 
     def integrator(self, mode):
@@ -320,7 +322,7 @@ class BatchSolver:
                     abandoned.append(True)
             if is_done:
                 break
-        if self.f.branches:  # the code has written branches to the tables of trajectories
+        if self.f.hybrid.branches:  # the code has written branches to the tables of trajectories
             self.table[which] = runner.table
 
     def _runner(self, integrator, rows, which, W):
@@ -374,7 +376,7 @@ class StepRunner:
         """
         f, arguments, self.records = self.integrator.f, self.arguments, records
         # Twice the most at one time: a lane may begin a trajectory and take a step without a pause.
-        at_once = 2 * most_records(f.events, equal) * self.W
+        at_once = 2 * most_records(f.hybrid.events, equal) * self.W
         full = 4 * arguments[SLOT.count] + 512 * self.W
         self.buffer = np.empty((full + at_once, size_of(f)))
         arguments[SLOT.event_times] = address_of(event_times)

@@ -86,11 +86,11 @@ def TRACE(before, after, jumps, u):
 
 def choose_branches(code):
     """Choose the branches of f at the state `new`, in lanes where the row `chooses` is 1."""
-    text, work, branches, f = code.text, code.work, code.f.branches, code.f.of
+    text, work, branches, f = code.text, code.work, code.f.hybrid.branches, code.f.of
     code.call("branches", work.new, code.table, work.chosen)
     truth = work.chooses[0] > 0.0
     _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
-    derived = f.derived.results  # numbers of the table that depend on branches
+    derived = f.hybrid.derived.results  # numbers of the table that depend on branches
     if derived:
         code.call("derived", code.table, code.table, work.derived)
         places, table = text.constants([f.places[a] for a in derived]), text.array(code.table)
@@ -103,7 +103,7 @@ def update_branches(code, truth, by_motion=False):
 
     A solution exactly on a surface is beyond the surface only if a step led there (`by_motion`).
     """
-    branches = code.f.branches
+    branches = code.f.hybrid.branches
     if branches.joins and not by_motion:
         for k in code.text.each(branches.jumps):
             code.text.array(code.table, branches.P).choose(truth, k, nan)
@@ -113,7 +113,7 @@ def update_branches(code, truth, by_motion=False):
 
 def choose(code):
     """Choose branches at kinks, where f bends, after a step to a surface; evaluate f with them."""
-    work, branches = code.work, code.f.branches
+    work, branches = code.work, code.f.hybrid.branches
     ends = (work.accepted[0] > 0.0) & (work.at_surface[0] > 0.0)
     with code.text.when(ends.any(), likely=False):
         place = branches.P + branches.jumps
@@ -125,7 +125,7 @@ def choose(code):
 def renew(code):
     """Choose new branches where f has jumped, and where solutions end just before a surface."""
     text, line, work = code.text, code.line, code.work
-    if code.f.branches.jumps:
+    if code.f.hybrid.branches.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
         with text.when(jumped.any(), likely=False):
             _jump(code, jumped)
@@ -171,7 +171,7 @@ def _look_ahead(code, part):
 def _choose(code, truth, acted):
     """Choose branches in lanes `truth`; update f, and columns unless an event `acted`."""
     text, work, f = code.text, code.work, code.f
-    has_columns = f.columns and f.branches.jumps > 0
+    has_columns = f.columns and f.hybrid.branches.jumps > 0
     text.copy(work.f_new, work.f_old, code.f.of.D)
     if has_columns:
         code.call("slopes", work.new, code.table, work.slopes)
@@ -263,7 +263,7 @@ def _put_choices(code, truth, kinds, rows, place):
     `rows` has the branch of a comparison or "floor". Of a `Table` it has the argument, and f's
     table gets the interval that contains the argument.
     """
-    text, f, branches = code.text, code.f.of, code.f.of.branches
+    text, f, branches = code.text, code.f.of, code.f.hybrid.branches
     first = len(branches.kinds) - len(kinds)
     shifts = f.surfaces.results[len(branches.kinds) + code.integrator.event_surfaces :]
     places = {k: f.places[q] for k, q in zip(branches.shifts, shifts, strict=False)}

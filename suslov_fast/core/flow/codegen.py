@@ -128,7 +128,7 @@ class StepCode(FunctionCode):
         """
         rates = one.array(self.line.f.at() + offset)
         sign = Shared(one, self.of.numbers)[NUMBER.sign]
-        for clock in self.f.offsets:
+        for clock in self.f.hybrid.offsets:
             to[clock] = rates[clock] * (sign * time)
 
     def keep(self, rows, found, truth=None):

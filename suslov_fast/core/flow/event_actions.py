@@ -11,8 +11,8 @@ state with |s| <= `near` is on the surface.
 
 from math import inf
 
-from ..expressions.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
 from ..expressions.values import larger, smaller
+from ..hybrid.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
 from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
 from .event_records import record
@@ -431,7 +431,7 @@ def _act(code, k, truth, by_motion=None):
             work.new.choose(truth, places[n], work.changed[n])
         for i in text.each(D):
             line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
-        if integrator.f.branches:
+        if integrator.f.hybrid.branches:
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
     _take_columns(code, k, truth, by_motion, work.before, work.f_before)
@@ -483,7 +483,7 @@ def _next_stop(code, bits):
 
 def _go_on(code, at_given_time, again):
     """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
-    line, work, branches = code.line, code.work, code.f.branches
+    line, work, branches = code.line, code.work, code.f.hybrid.branches
     sums = sizes_of(code, work.new, work.f_new)
     before = sizes_of(code, line.largest, line.f)  # `line.f` is f where the step began
     endless = (work.actions_now[0] >= _most(code.integrator.events)).select(1.0, 0.0)

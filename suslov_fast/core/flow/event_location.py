@@ -24,8 +24,8 @@ import functools
 import itertools
 from math import inf
 
-from ..expressions.double_crossings import MIDDLE, POINTS
 from ..expressions.values import larger, smaller
+from ..hybrid.double_crossings import MIDDLE, POINTS
 from .memory import LaneState
 from .scalar_kernels import EDGE, NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED, SAFETY

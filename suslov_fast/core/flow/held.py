@@ -105,7 +105,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     # Integrators with `is_relative` compute motions again, see `growing_components`.
     both = [(mode, has_atol, is_relative) for is_relative in (False, True) for mode in modes]
     integrators = [batch_solver.integrator_of(f, *each) for each in both]
-    codes = [batch_solver.code_of(each, 1, f.branches is not None) for each in integrators]
+    codes = [batch_solver.code_of(each, 1, f.hybrid.branches is not None) for each in integrators]
     of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
@@ -113,27 +113,48 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     row = np.zeros(rows.size)
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
     at_once, size = 0, size_of(f)
-    if f.events:
+    if f.hybrid.events:
         row[rows.stop : rows.stop + 2] = times[0, 0]
-        at_once = 2 * most_records(f.events, equal) * size
+        at_once = 2 * most_records(f.hybrid.events, equal) * size
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
     others = [batch_solver.components_of(f, each) for each in (settings, again)]
     others += [np.array(batch_solver.numbers_of(again, 1)), times]
     ends = np.cumsum([each.size for each in others]).tolist()
     constants = np.concatenate([*others, *parts], axis=None)
     most = max(of_this, *(integrator.work.size for integrator in integrators))
-    sizes = [_ARGUMENTS, 2, f.D, *map(len, parts), len(f.table), most, most, at_once]
-    # The entries are in the order of `Plan`.
-    plan = [codes[len(modes) - 1], of_again[0], of_again[-1], of_table, integrators[0].is_bounded]
-    plan += [f.columns - len(by), f.columns, f.of.D, _CLOCKS + 2 * len(f.offsets)]
-    plan += [ends[0], ends[1], ends[2] * bool(f.events), ends[3]]
-    plan += [*np.cumsum(sizes).tolist(), size, rows.t, rows.state, rows.at, rows.lost]
-    for clock, number in f.offsets.items():
-        plan += [clock, number - f.of.D]
-    plan += by
+    parts_of_memory = {"arguments": _ARGUMENTS, "ended": 2, "state": f.D}
+    parts_of_memory |= zip(("numbers", "times", "rows", "inputs"), map(len, parts), strict=True)
+    parts_of_memory |= {"table": len(f.table), "work": most, "other": most, "records": at_once}
+    firsts = np.cumsum([0, *parts_of_memory.values()]).tolist()
+    first = dict(zip([*parts_of_memory, "size"], firsts, strict=True))
+    del first["arguments"]
+    pairs = [each for clock, n in f.hybrid.offsets.items() for each in (clock, n - f.of.D)]
+    plan = Plan(
+        **first,
+        implicit=codes[len(modes) - 1],
+        first_again=of_again[0],
+        implicit_again=of_again[-1],
+        of_table=of_table,
+        is_bounded=integrators[0].is_bounded,
+        by_starts=f.columns - len(by),
+        columns=f.columns,
+        D=f.of.D,
+        clocks=_CLOCKS + len(pairs),
+        components_again=ends[0],
+        numbers_again=ends[1],
+        event_times=ends[2] * bool(f.hybrid.events),
+        template=ends[3],
+        size_of_record=size,
+        t=rows.t,
+        lane_state=rows.state,
+        at=rows.at,
+        lost=rows.lost,
+    )
     _kept.update((int(code), code) for code in (*codes, of_table))
     own = np.array(parameters, np.float64)
-    return MotionSystem(int(codes[0]), np.array(plan), constants, own, float(time), f.D)
+    return MotionSystem(
+        int(codes[0]), np.array([*plan, *pairs, *by]), constants, own, float(time), f.D
+    )
 
 
 @function

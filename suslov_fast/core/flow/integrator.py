@@ -3,11 +3,11 @@
 from typing import Any
 
 from ..cached import cached_property
-from ..expressions.double_crossings import POINTS, DoubleCrossings
-from ..expressions.event_formulas import read_by
 from ..expressions.partitioned import part_of, sets_of
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.symbolic_elimination import Elimination, elimination_order, filled, operations_of
+from ..hybrid.double_crossings import POINTS, DoubleCrossings
+from ..hybrid.event_formulas import read_by
 from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance, vector_functions
 from .memory import rows_of_trajectory, rows_of_work, scalars_of
@@ -51,12 +51,14 @@ class Integrator:
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
         self.is_relative = is_relative
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
-        self.watched = f.of.D if f.watch else 0
-        self.is_bounded = bool(f.clocks) or (f.branches is not None and f.branches.jumps > 0)
-        surfaces = f.branches.surfaces if f.branches else ()
+        self.watched = f.of.D if f.hybrid.watch else 0
+        self.is_bounded = bool(f.clocks) or (
+            f.hybrid.branches is not None and f.hybrid.branches.jumps > 0
+        )
+        surfaces = f.hybrid.branches.surfaces if f.hybrid.branches else ()
         self.kinks = [surface.kind for surface in surfaces if not surface.jumps]
-        self.events = f.events
-        self.event_surfaces = f.events.surfaces if f.events else 0
+        self.events = f.hybrid.events
+        self.event_surfaces = f.hybrid.events.surfaces if f.hybrid.events else 0
         self.sets = None if is_implicit else sets_of(f)
         self.columns, p = (IMPLICIT, 1) if is_implicit else (EXPLICIT, 2)
         self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
@@ -68,16 +70,16 @@ class Integrator:
         if self.sets:
             for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
                 self.functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
-        self.surfaces = len(f.watched.results) if self.watched else 0
-        read = read_by(f.watched, f.watched.results) if self.watched else []
+        self.surfaces = len(f.hybrid.watched.results) if self.watched else 0
+        read = read_by(f.hybrid.watched, f.hybrid.watched.results) if self.watched else []
         self.read = sorted({*range(self.watched)}.intersection(read))
-        self.double_crossings = f.double_crossings or DoubleCrossings()
+        self.double_crossings = f.hybrid.double_crossings or DoubleCrossings()
         self.at_points = (1 + len(POINTS)) * (self.surfaces + sum(self.double_crossings.inside))
         if self.watched:
             self._add_surfaces()
-        if f.events:
+        if f.hybrid.events:
             self._add_events()
-        if f.branches:
+        if f.hybrid.branches:
             self._add_branches()
         self.factors = self._add_implicit() if is_implicit else 0
         self.rows = rows_of_trajectory(self)
@@ -88,12 +90,15 @@ class Integrator:
         """Add functions of the surfaces at which steps end to the dict `functions`."""
         f, D = self.f, self.f.of.D
         sides = 2 * self.event_surfaces
-        for name, program in (("surfaces", f.watched), ("phases", self.double_crossings.phases)):
+        for name, program in (
+            ("surfaces", f.hybrid.watched),
+            ("phases", self.double_crossings.phases),
+        ):
             if program:
                 self.functions[name] = ProgramFunction(program, D, self.f.of.places)
         for name, program, first in (
-            ("watch", f.watch, 2 * self.surfaces + sides),
-            ("aim", f.aim[self.is_implicit], 2 * D + sides),
+            ("watch", f.hybrid.watch, 2 * self.surfaces + sides),
+            ("aim", f.hybrid.aim[self.is_implicit], 2 * D + sides),
             ("double_crossings", self.double_crossings.decision, self.at_points + D + 1),
             ("rates", self.double_crossings.rates, 2 * D + 1),
         ):
@@ -114,11 +119,11 @@ class Integrator:
 
     def _add_branches(self):
         """Add functions that find branches of f, and what depends on them, to `functions`."""
-        f, branches = self.f.of, self.f.branches
+        f, branches = self.f.of, self.f.hybrid.branches
         places = {f.D + p: p for p in range(f.P)}
-        self.functions["branches"] = ProgramFunction(f.branch_program, f.D, places)
-        if f.derived.results:
-            self.functions["derived"] = ProgramFunction(f.derived, 0, places)
+        self.functions["branches"] = ProgramFunction(f.hybrid.branch_program, f.D, places)
+        if f.hybrid.derived.results:
+            self.functions["derived"] = ProgramFunction(f.hybrid.derived, 0, places)
         if f is not self.f and branches.jumps:
             self.functions["slopes"] = ProgramFunction(f.slopes, f.D, f.places)
 

@@ -38,7 +38,7 @@ def _write_back(code, offset):
     text, of, integrator = code.text, code.of, code.integrator
     number_plus_1 = Integers(text, code.work.own.at() + offset)[0]
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
-    if integrator.f.branches:  # the code writes the branches it chooses to the table
+    if integrator.f.hybrid.branches:  # the code writes the branches it chooses to the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
     with text.when(number_plus_1.differs(0)):
         number = number_plus_1 - 1
@@ -63,7 +63,7 @@ def pause_if_spent(code):
 def _begin(code, begins):
     """Begin trajectories in lanes `begins`: find f, the largest moduli, and the first length."""
     text, line, f_new = code.text, code.line, code.work.f_new
-    if code.f.branches:
+    if code.f.hybrid.branches:
         text.copy(line.x, code.work.new, code.D)
         branch_choice.update_branches(code, begins)
     code.call("f", line.x, code.table, f_new)

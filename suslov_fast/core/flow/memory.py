@@ -7,7 +7,7 @@ step have rows of their own. Here each part of a line has a name, a number of ro
 from collections import namedtuple
 from itertools import accumulate, pairwise
 
-from ..expressions.event_formulas import OF_SURFACE
+from ..hybrid.event_formulas import OF_SURFACE
 
 
 class LaneState:
@@ -31,7 +31,7 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 def rows_of_trajectory(integrator):
     """Return the first row of each part of a trajectory's data, and their number, `size`."""
     f, watched, events = integrator.f, integrator.watched, integrator.events
-    D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
+    D, chooses, acts = f.D, int(bool(f.hybrid.branches)), int(bool(events))
     surfaces, actions = integrator.event_surfaces, events.count if acts else 0
     return _first_rows(
         x=D,  # the state
@@ -85,10 +85,10 @@ def rows_of_trajectory(integrator):
 def rows_of_work(integrator):
     """Return the first row of each part of a step's workspace, and their number, `size`."""
     f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
-    D, chooses, acts = f.D, int(bool(f.branches)), int(bool(events))
+    D, chooses, acts = f.D, int(bool(f.hybrid.branches)), int(bool(events))
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces
     of_ends, is_implicit = len(integrator.columns) * D, integrator.is_implicit
-    has_slopes = chooses and f.branches.jumps and f.columns
+    has_slopes = chooses and f.hybrid.branches.jumps and f.columns
     return _first_rows(
         line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`
         own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
@@ -134,7 +134,7 @@ def rows_of_work(integrator):
         aim=3,  # results of `step_to_surface.aim_of`
         between=2 * integrator.surfaces,  # inputs of `watch`: values of surfaces at two points
         sides=2 * surfaces,  # a copy of the row `side`, which `watch` reads behind `between`
-        crossings=len(f.watch.results) if watched else 0,  # results of `watch`
+        crossings=len(f.hybrid.watch.results) if watched else 0,  # results of `watch`
         changed=acts * D,  # results of functions of events
         before=acts * D,  # the state before an action
         f_before=acts * D,  # f before an action
@@ -146,8 +146,10 @@ def rows_of_work(integrator):
         rate_before=surfaces,  # ds/dt before the event at s = 0 acts
         actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches of f are to be chosen at the state `new`
-        chosen=len(of_x.branch_program.results) if chooses else 0,  # results of `branches`
-        derived=len(of_x.derived.results) if chooses else 0,  # values of f's table by branches
+        chosen=len(of_x.hybrid.branch_program.results) if chooses else 0,  # results of `branches`
+        derived=len(of_x.hybrid.derived.results)
+        if chooses
+        else 0,  # values of f's table by branches
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps

@@ -83,9 +83,9 @@ def solve_small_batch(f, table, x0, request):
     (states, None, None, begun), where `begun` is what `BatchSolver.run` needs to go on.
     """
     B, starts, count = len(x0), None, len(request.times)
-    if f.offsets:
+    if f.hybrid.offsets:
         table, x0, starts = batch_solver.counted_from_start(f, table, x0)
-    key = f, request.settings, request.sign, B, f.branches is not None or table.ndim > 1
+    key = f, request.settings, request.sign, B, f.hybrid.branches is not None or table.ndim > 1
     free = prepared(*key)
     try:
         runner = free.pop()
@@ -104,7 +104,7 @@ def solve_small_batch(f, table, x0, request):
         runner.use(batch_solver.integrator_of(f, not own.is_implicit, own.has_atol))
     states = np.ndarray((count, B, f.D), np.float64, states)
     if ends.count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
-        own = runner.table.copy() if f.branches else None
+        own = runner.table.copy() if f.hybrid.branches else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
         columns = {name: row.astype(kind) for name, (row, kind) in runner.columns.items()}

@@ -72,7 +72,7 @@ def take_step(code):
     if integrator.events:
         event_actions.act(code)
         dense_output.save_at_end(code)
-    if code.f.branches:
+    if code.f.hybrid.branches:
         branch_choice.renew(code)
     growing_components.sound(code)
     move(code)

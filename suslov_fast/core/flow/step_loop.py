@@ -29,7 +29,7 @@ def text_of_integrator(integrator, name, W, for_each):
     columns = ImplicitColumns if integrator.is_implicit else explicit
     columns(text, integrator, name, for_each).add()
     parts = {"small": growing_components.find_alarms}
-    if integrator.f.branches:
+    if integrator.f.hybrid.branches:
         parts["choose"] = branch_choice.choose_branches
     if integrator.events:
         parts["change"] = event_actions.change

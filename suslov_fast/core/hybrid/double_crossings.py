@@ -31,12 +31,20 @@ from math import inf, pi, prod
 from operator import add
 from typing import NamedTuple
 
-from .dense_product import ENTRY, is_matrix
-from .derivative import gradients_along
-from .programs import Expressions, Program, Values, depending, emitted, needed_for, program_of
-from .rounding import sizes_of
-from .tables import LARGEST
-from .values import larger, operand_of, smaller
+from ..expressions.dense_product import ENTRY, is_matrix
+from ..expressions.derivative import gradients_along
+from ..expressions.programs import (
+    Expressions,
+    Program,
+    Values,
+    depending,
+    emitted,
+    needed_for,
+    program_of,
+)
+from ..expressions.rounding import sizes_of
+from ..expressions.tables import LARGEST
+from ..expressions.values import larger, operand_of, smaller
 
 # Fractions of a step. Their distances differ, because a wave may vanish at equally spaced points.
 POINTS = 0.23, 0.49, 0.76, 1.0
@@ -82,28 +90,28 @@ class DoubleCrossings(NamedTuple):
     inside = property(lambda self: [len(of.results) if of else 0 for of in self[1:3]])
 
 
-def double_crossings_of(f, surfaces):
+def double_crossings_of(f, watched, surfaces):
     """Return the `DoubleCrossings` of f, for its `surfaces` and the surfaces of events."""
-    degrees = _degrees(f)
-    by_states = depending(f.watched.operations, {*range(f.D)}.difference(f.steady))
+    degrees = _degrees(f, watched)
+    by_states = depending(watched.operations, {*range(f.D)}.difference(f.steady))
     tested = [
         (k, a, surface)
-        for k, (a, surface) in enumerate(zip(f.watched.results, surfaces, strict=True))
+        for k, (a, surface) in enumerate(zip(watched.results, surfaces, strict=True))
         # A step crosses surfaces linear in clocks once at most. Equalities (oeq) are true on their
         # surfaces alone, so that crossings do not change them.
         if not (isinstance(a, float) or a in degrees or surface.kind == "oeq")
     ]
     if not tested:
         return DoubleCrossings()
-    operations = needed_for(f.watched.operations, [a for _, a, _ in tested])
+    operations = needed_for(watched.operations, [a for _, a, _ in tested])
     arguments = [operands[0] for name, _, operands in operations if name in WAVES]
     phases = program_of(operations, arguments) if arguments else None
     humps = _humps(f, operations)
     humps = [*dict.fromkeys(a for _, a, _ in tested if a in humps)]
     is_of_states = [a in by_states for _, a, _ in tested]
-    rates = _rates_of(f, humps)
+    rates = _rates_of(f, watched, humps)
     found = DoubleCrossings(None, phases, rates, not all(is_of_states), any(is_of_states))
-    decision = _decision_of(f, tested, by_states, humps, found.inside)
+    decision = _decision_of(f, watched, tested, by_states, humps, found.inside)
     return found._replace(decision=decision)
 
 
@@ -119,7 +127,7 @@ def _humps(f, operations):
     return humps
 
 
-def _rates_of(f, humps):
+def _rates_of(f, watched, humps):
     """Return the `Program` of the rates of surfaces with `humps`, or None if there are none.
 
     `humps` are the values s that may have a hump (head of this file). For each the program gives
@@ -131,7 +139,7 @@ def _rates_of(f, humps):
     D = f.D
     values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
     new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
-    surfaces = emitted(values, program_of(f.watched.operations, humps), new)
+    surfaces = emitted(values, program_of(watched.operations, humps), new)
     results, of_states = [], values.number(2 * D) + OF_STATES
     rows, v = gradients_along(values, surfaces, D, {j: D + j for j in range(D)})
     for row in rows:
@@ -144,14 +152,14 @@ def _rates_of(f, humps):
     return program_of(values.operations, results)
 
 
-def _decision_of(f, tested, by_states, humps, inside):
+def _decision_of(f, watched, tested, by_states, humps, inside):
     """Return the `Program` `decision` of `DoubleCrossings`.
 
-    `tested` has the place of each surface among the results of `f.watched`, its operand, and the
+    `tested` has the place of each surface among the results of `watched`, its operand, and the
     `Surface`. `by_states` are the operands that depend on other components than clocks, `humps` as
     in `_rates_of`, `inside` as in `DoubleCrossings`.
     """
-    count, of_phases, of_rates = len(f.watched.results), *inside
+    count, of_phases, of_rates = len(watched.results), *inside
     first_phase = len(_FRACTIONS) * count
     first_rate = first_phase + len(_FRACTIONS) * of_phases
     middle = first_rate + len(_FRACTIONS) * of_rates
@@ -163,13 +171,13 @@ def _decision_of(f, tested, by_states, humps, inside):
     def at_points(first, count, k):
         return [values.number(first + n * count + k) for n in range(len(_FRACTIONS))]
 
-    operations = needed_for(f.watched.operations, [a for _, a, _ in tested])
+    operations = needed_for(watched.operations, [a for _, a, _ in tested])
     turns = [at_points(first_phase, of_phases, k) for k in range(of_phases)]
     turns = _turns(operations, turns)
     waves = [each for _, a, _ in tested for each in turns.get(a, ())]
     waves = functools.reduce(larger, waves) * (1.0 / QUARTER) if waves else 0.0
-    emitted(values, f.watched, state)
-    sizes = sizes_of(values, f.watched.operations, state, with_branches=False)
+    emitted(values, watched, state)
+    sizes = sizes_of(values, watched.operations, state, with_branches=False)
     ratio = twice = 0.0
     for k, a, surface in tested:
         points, rates = at_points(0, count, k), None
@@ -288,10 +296,10 @@ def _is_steep(rates, zeros):
     return is_steep
 
 
-def _degrees(f):
+def _degrees(f, watched):
     """Return {number of a value: degree 0 or 1} of the values of f that are linear in clocks."""
     degrees = dict.fromkeys(f.table, 0) | dict.fromkeys(f.steady, 1)
-    for name, number, operands in f.watched.operations:
+    for name, number, operands in watched.operations:
         of = [0 if isinstance(a, float) else degrees.get(a, 2) for a in operands]
         if name == "fmul":
             degree = sum(of)

@@ -15,13 +15,13 @@ from math import inf
 
 import numpy as np
 
+from ..expressions.function_records import same
+from ..expressions.numpy_evaluation import results_at
+from ..expressions.programs import emitted, folded, program_of, renamed
+from ..expressions.values import Number, joined, operand_of
 from .constraint_forces import Constraint, ExtendedState
 from .contacts import FAR, LEAST, Contact, Contacts, may_be_contact
 from .event_formulas import WITH_GAPS, EventAction, KeyedProgram
-from .function_records import same
-from .numpy_evaluation import results_at
-from .programs import emitted, folded, program_of, renamed
-from .values import Number, joined, operand_of
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"

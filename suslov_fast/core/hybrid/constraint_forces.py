@@ -11,11 +11,11 @@ solve the linear equations sum_b (n_a . d_b) w_b = r_a.
 
 from typing import NamedTuple
 
-from .derivative import gradients
-from .function_records import same
-from .programs import Expressions, dot, emitted, needed_for, program_of
-from .rounding import sizes_of
-from .values import Number, operand_of
+from ..expressions.derivative import gradients
+from ..expressions.function_records import same
+from ..expressions.programs import Expressions, dot, emitted, needed_for, program_of
+from ..expressions.rounding import sizes_of
+from ..expressions.values import Number, operand_of
 
 
 class Constraint(NamedTuple):

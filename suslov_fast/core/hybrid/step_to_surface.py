@@ -8,16 +8,16 @@ for surfaces that depend on clocks alone.
 
 from math import inf
 
-from .derivative import gradients_along
+from ..expressions.derivative import gradients_along
+from ..expressions.programs import Expressions, emitted, program_of
+from ..expressions.rounding import sizes_of
+from ..expressions.values import larger, operand_of, smaller
 from .event_formulas import GAP, NOISE
-from .programs import Expressions, emitted, program_of
-from .rounding import sizes_of
-from .values import larger, operand_of, smaller
 
 SOONER = 2.0**-22  # factor of the time to s = 0 where rounding makes the sign of s uncertain
 
 
-def aim_of(f, surfaces, is_implicit):
+def aim_of(f, watched, events, surfaces, is_implicit):
     """Return the `Program` that finds when `surfaces` of f and of its events are crossed.
 
     The program reads the state, f times the sign of time, side and level (both in rows `side` of
@@ -29,16 +29,16 @@ def aim_of(f, surfaces, is_implicit):
     3. the least time to a surface of an event, times SOONER if rounding makes s uncertain
     (`NOISE`).
     """
-    D, of_changes = f.D, f.events.surfaces if f.events else 0
+    D, of_changes = f.D, events.surfaces if events else 0
     first = 2 * (D + of_changes)
     count = first + len(f.table)
     values = Expressions(count, range(D, count))
     new = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
-    results = emitted(values, f.watched, new)
+    results = emitted(values, watched, new)
     slopes, v = gradients_along(values, results, D, {j: D + j for j in range(D)})
-    sizes = sizes_of(values, f.watched.operations, new)
+    sizes = sizes_of(values, watched.operations, new)
     aim, since, left_of_events, number = inf, 0.0, inf, values.number
-    for surface, old, a, row in zip(surfaces, f.watched.results, results, slopes, strict=True):
+    for surface, old, a, row in zip(surfaces, watched.results, results, slopes, strict=True):
         s, rate, is_event = number(a), 0.0, surface.kind == "event"
         has_rate = is_event or not is_implicit or {*row} <= {*f.steady}
         for j, slope in row.items() if has_rate else ():
@@ -54,7 +54,7 @@ def aim_of(f, surfaces, is_implicit):
             ends = [(s, number(new[surface.number]) > 0.5)]
         for value, is_above in ends:
             is_beyond = (value >= 0.0) ^ is_above
-            if is_event and f.events.gaps[surface.number]:  # s may lack a value: no crossing there
+            if is_event and events.gaps[surface.number]:  # s may lack a value: no crossing there
                 was_known, is_known = ~above.equals(GAP), value.equals(value)
                 since = (was_known ^ is_known).select(inf, since)
                 is_beyond, rate = is_beyond & was_known & is_known, was_known.select(rate, 0.0)

@@ -16,12 +16,12 @@ from math import inf
 from typing import NamedTuple
 
 from ..cached import cached_property
-from .derivative import gradients
-from .function_records import same
-from .programs import Expressions, Program, dot, emitted, needed_for, program_of
-from .rounding import sizes_of
-from .tables import is_table
-from .values import operand_of
+from ..expressions.derivative import gradients
+from ..expressions.function_records import same
+from ..expressions.programs import Expressions, Program, dot, emitted, needed_for, program_of
+from ..expressions.rounding import sizes_of
+from ..expressions.tables import is_table
+from ..expressions.values import operand_of
 
 # How many numbers `_toward` finds for each surface.
 OF_SURFACE = 5

@@ -11,11 +11,11 @@ from functools import reduce
 
 import numpy as np
 
+from ..expressions.function_records import same
+from ..expressions.numpy_evaluation import results_at
+from ..expressions.programs import emitted
+from ..expressions.values import joined, larger
 from .constraint_forces import Constraint
-from .function_records import same
-from .numpy_evaluation import results_at
-from .programs import emitted
-from .values import joined, larger
 
 # A body may rest if its next bounce would last less than SOON times the time t, or would be lower
 # than LOW times the moduli of the terms of s and of t ds/dt, where s = 0 is the surface.

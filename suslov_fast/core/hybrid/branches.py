@@ -13,15 +13,23 @@ import functools
 import operator
 from typing import NamedTuple
 
+from ..expressions.function_records import same
+from ..expressions.programs import (
+    Expressions,
+    Values,
+    depending,
+    emitted,
+    needed_for,
+    program_of,
+    renamed,
+)
+from ..expressions.right_hand_side import Hybrid, RightHandSide
+from ..expressions.tables import LARGEST, Table, is_table
+from ..expressions.values import larger, operand_of, smaller
 from .double_crossings import double_crossings_of
 from .event_formulas import GAP, event_set_of
 from .explicit_time import ElapsedTime
-from .function_records import same
-from .programs import Expressions, Values, depending, emitted, needed_for, program_of, renamed
-from .right_hand_side import RightHandSide
 from .step_to_surface import aim_of
-from .tables import LARGEST, Table, is_table
-from .values import larger, operand_of, smaller
 
 # Comparisons of a and b, and their truth where a > b, and where a < b.
 _COMPARISONS = {"olt": (0.0, 1.0), "ogt": (1.0, 0.0), "oge": (1.0, 0.0), "oeq": (0.0, 0.0)}
@@ -72,7 +80,7 @@ class Branches(NamedTuple):
     jumps = property(lambda self: sum(each.parameters for each in self.surfaces if each.jumps))
 
 
-def watch_of(f, surfaces):
+def watch_of(f, events, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
     The program reads the values of all `surfaces` at x, then at y; for each surface of an event the
@@ -85,13 +93,13 @@ def watch_of(f, surfaces):
     4. for each kink, the branch at y: 1 or 0, or the argument of a table.
     """
     count = len(surfaces)
-    first = 2 * count + 2 * (f.events.surfaces if f.events else 0)
+    first = 2 * count + 2 * (events.surfaces if events else 0)
     of_table = {number: first + place for number, place in f.places.items()}
     values = Values(first + len(f.table), ())
     part, changes, of_kinks = 1.0, [], []
     for k, surface in enumerate(surfaces):
         kind, a, b = surface.kind, values.number(k), values.number(count + k)
-        gap = kind == "event" and f.events.gaps[surface.number]
+        gap = kind == "event" and events.gaps[surface.number]
         if kind == "event":
             above, level = (values.number(2 * (count + surface.number) + n) for n in (0, 1))
             a, b = a - level, b - level
@@ -135,8 +143,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
     `results` are operands in `values`, functions of the state and P parameters. The branches, and
-    the start values of clocks, become further parameters of f; without branches `f.branches` is
-    None. `by` are the parameters with respect to which f is differentiated, too. `twice` is True if
+    the start values of clocks, become further parameters of f. `by` are the parameters with respect to which f is differentiated, too. `twice` is True if
     columns of derivatives join the state later (`variational`). `actions` are `EventAction`s: first
     those of events on surfaces, then those of events at times.
     """
@@ -164,9 +171,9 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     if not surfaces:
         kept = range(D, D + P) if actions or offsets else ()
         f = RightHandSide(values, results, P, by, of_events, kept=kept)
-        f.events, f.offsets = events, offsets
+        f.hybrid = Hybrid(events, offsets=offsets)
         if of_events:
-            _watch(f, events_on_surfaces)
+            f.hybrid = _watching(f, events_on_surfaces)
         return f
     groups, in_order = _groups_of(operations, jumps), [*surfaces.values()]
     places = [k for k, number in enumerate(surfaces) if number in shifted]
@@ -185,11 +192,11 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     # the steady components are those of f before its branches became parameters.
     plain = RightHandSide(values, results, P)
     f.steady, f.clocks = plain.steady, plain.clocks
-    f.events, f.offsets, f.branches = events, offsets, branches
-    _watch(f, [*in_order, *events_on_surfaces])
-    f.branch_program = _choices(tests, in_order, truths)
     of = depending(f.fixed, choices_of_jumps).difference(choices_of_jumps)
-    f.derived = program_of(f.fixed, [a for a in f.table if a in of])
+    derived = program_of(f.fixed, [a for a in f.table if a in of])
+    chosen = _choices(tests, in_order, truths)
+    f.hybrid = Hybrid(events, branches, chosen, derived, offsets=offsets)
+    f.hybrid = _watching(f, [*in_order, *events_on_surfaces])
     return f
 
 
@@ -292,13 +299,16 @@ def _choosing(values, operations, of_states, moving):
     return jumps, kinks
 
 
-def _watch(f, surfaces):
-    """Set the programs of f that find crossings of `surfaces`."""
-    results = f.surfaces.results[: len(surfaces)]
-    f.watched = program_of(f.surfaces.operations, results)
-    f.watch = watch_of(f, surfaces)
-    f.double_crossings = double_crossings_of(f, surfaces)
-    f.aim = tuple(aim_of(f, surfaces, is_implicit) for is_implicit in (False, True))
+def _watching(f, surfaces):
+    """Return `Hybrid` of f with the programs that find crossings of `surfaces`."""
+    watched = program_of(f.surfaces.operations, f.surfaces.results[: len(surfaces)])
+    events = f.hybrid.events
+    return f.hybrid._replace(
+        watched=watched,
+        watch=watch_of(f, events, surfaces),
+        double_crossings=double_crossings_of(f, watched, surfaces),
+        aim=tuple(aim_of(f, watched, events, surfaces, each) for each in (False, True)),
+    )
 
 
 def _choices(tests, surfaces, branches):

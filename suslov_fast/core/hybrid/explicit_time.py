@@ -10,11 +10,11 @@ removed from large phases q.
 import math
 from typing import NamedTuple
 
+from ..expressions.function_records import same
+from ..expressions.numpy_evaluation import OF_TRUTH_VALUES
+from ..expressions.programs import Expressions, emitted, needed_for, program_of
+from ..expressions.tables import is_table
 from .event_formulas import EventAction, components_of
-from .function_records import same
-from .numpy_evaluation import OF_TRUTH_VALUES
-from .programs import Expressions, emitted, needed_for, program_of
-from .tables import is_table
 
 _LARGE = 2.0**20  # whole turns are removed from larger phases
 _COMPARISONS = "olt", "ogt", "oge", "oeq"

@@ -30,6 +30,14 @@ _EXAMPLES = """examples:
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 _OF_STEPS = "eps", "steps", "save_every", "method"  # options only for the map
 _OF_TIMES = "points", "rtol", "atol"  # options only for the motion
+_AGAIN = 30.0  # what takes more seconds at first is not computed a second time, to measure a rate
+_CHECKED = 256  # number of trajectories of which the closed form is computed
+_NEXT = """next:
+  suslov-fast figures         the four figures of the paper
+  suslov-fast report          integrals and measures of the map, by proof
+  suslov-fast run --equations "x' = v; v' = -sin(x)" --x0 1,0 --time 20 -o run.npz
+  suslov-fast plot run.npz x v
+  docs/howto/first_ode.md     your equations in Python"""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -91,12 +99,13 @@ def _tell(message: object) -> None:
 
 # ---------------------------------------------------------------------------------- commands
 def run(options: argparse.Namespace) -> int:
-    """Compute a batch of trajectories, and print the time that this takes, as JSON.
+    """Compute a batch of trajectories; print the time that this takes, and checks of the paper.
 
     By default take 1000 steps of the map from 65,536 random states of the body of figure 2 of the
-    paper. With --time solve the equations of motion, as `flow` does.
+    paper. With --time solve the equations of motion, as `flow` does. With --json, and if the output
+    is no terminal, print the same facts as JSON. No time contains compilation.
     """
-    given = {name: value for name, value in vars(options).items() if value is not None}
+    given = {name: value for name, value in vars(options).items() if value not in (None, False)}
     is_motion = "time" in given
     for name in _OF_STEPS if is_motion else _OF_TIMES:
         if name in given:
@@ -131,22 +140,105 @@ def run(options: argparse.Namespace) -> int:
             raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
         chosen = {"steps": 1000, "save_every": None, "on_singular": "ignore", **chosen}
         compute = partial(sf.iterate, system, states, eps, **chosen)
-    seconds = math.inf
-    for _ in range(2):  # the first call compiles
-        begin = time.perf_counter()
-        result = compute()
-        seconds = min(seconds, time.perf_counter() - begin)
-        if seconds > 30.0:
-            break
+    result, seconds = _timed(
+        compute, math.inf if given.keys() <= {"function", "refuse"} else _AGAIN
+    )
     if "output" in given:
         result.save(options.output, overwrite=options.force)
     failed = result.status < 0
     taken = result.steps if is_motion else np.where(failed, result.failed_at, result.steps)
-    rate = {"seconds": seconds, "steps_per_second": float(taken.sum()) / seconds}
-    counts = {"trajectories": failed.size, "failed": int(failed.sum())}
-    written = {"written": str(options.output)} if "output" in given else {}
-    print(json.dumps({"system": str(system), **rate, **counts, **written}))
+    steps = int(taken.sum())
+    facts: dict[str, Any] = {"system": str(system), "steps": steps, "seconds": seconds}
+    facts["steps_per_second"] = seconds and steps / seconds
+    if "threads" not in given and seconds and seconds < _AGAIN / 10:
+        from numba import config
+
+        for number, name in ((1, "one_thread"), (2, "two_threads")):
+            if number <= config.NUMBA_NUM_THREADS:
+                each = _timed(partial(compute, threads=number), math.inf)[1]
+                facts[f"steps_per_second_{name}"] = each and steps / each
+    facts |= {"trajectories": failed.size, "failed": int(failed.sum())}
+    if not is_motion:
+        facts |= _checks(system, np.asarray(states), eps, chosen, result)
+    facts |= {"written": str(options.output)} if "output" in given else {}
+    if options.json or not sys.stdout.isatty():
+        print(json.dumps(facts))
+    else:
+        way = f"solutions to time {options.time:g}" if is_motion else "orbits of Kahan's map"
+        way += (
+            f", {steps:,} steps"
+            if is_motion
+            else f", {steps:,} steps in all, of length {float(eps):g}"
+        )
+        print(_readable(facts, way))
     return int(failed.size > 0 and bool(failed.all()))
+
+
+def _timed(compute: Callable[[], Any], longest: float) -> tuple[Any, float | None]:
+    """Return the result of a call, and the seconds of a later call, because the first compiles.
+
+    The seconds are the least of up to five calls within a second, or None if the first call takes
+    longer than `longest`.
+    """
+    begin = time.perf_counter()
+    result = compute()
+    if time.perf_counter() - begin > longest:
+        return result, None
+    begin, least = time.perf_counter(), math.inf
+    for _ in range(5):
+        start = time.perf_counter()
+        result = compute()
+        now = time.perf_counter()
+        least = min(least, now - start)
+        if now - begin > 1.0:
+            break
+    return result, least
+
+
+def _checks(system: Any, states: Any, eps: Any, chosen: dict[str, Any], result: Any) -> Any:
+    """Return errors of Lemma 1 and Theorem 1 of the paper, for a body without a rotor."""
+    import numpy as np
+
+    if type(system) is not sf.Suslov3D or system.k != 0 or chosen.get("method", "auto") != "auto":
+        return {}
+    starts, ends = states.reshape(-1, 2), result.final.reshape(-1, 2)
+    some = slice(_CHECKED)
+    with np.errstate(all="ignore"):
+        F, after = (system.first_integral(x, eps) for x in (starts, ends))
+        exact = system.exact(starts[some], eps, n=chosen["steps"])
+        size = np.fmax(abs(starts[some]), abs(ends[some])).max(axis=-1, keepdims=True)
+        errors = abs(after / F - 1), abs(exact - ends[some]) / size
+    names = "relative_change_of_F", "relative_difference_from_theorem_1"
+    return {
+        name: float(np.nanmax(error))
+        for name, error in zip(names, errors, strict=True)
+        if not np.isnan(error).all()
+    }
+
+
+def _readable(facts: dict[str, Any], way: str) -> str:
+    """Return the facts of a run as lines of text; `way` says what was computed."""
+    lines = [f"{facts['trajectories']:,} {way}", f"of {facts['system']}"]
+    rates = {"rate": "", "one thread": "_one_thread", "two threads": "_two_threads"}
+    found = {name: facts.get(f"steps_per_second{each}") for name, each in rates.items()}
+    if found["one thread"]:
+        del found["rate"]
+    lines += [
+        f"{name + ':':12} {rate:.2g} steps per second" for name, rate in found.items() if rate
+    ]
+    if facts["seconds"] and not any(found.values()):
+        lines += [f"time:        {facts['seconds']:.2g} s"]
+    if facts["seconds"] is None:
+        lines += ["rate:        not known, because only one call was made, and the first compiles"]
+    change = facts.get("relative_change_of_F")
+    if change is not None:
+        lines += [f"Lemma 1:     F is conserved; its largest relative change is {change:.0e}"]
+    change = facts.get("relative_difference_from_theorem_1")
+    if change is not None:
+        lines += [f"Theorem 1:   the closed form and the iteration differ by {change:.0e} at most"]
+    lines += [f"failed:      {facts['failed']:,}"] * bool(facts["failed"])
+    lines += [f"written:     {facts['written']}"] if "written" in facts else []
+    return "\n".join([*lines, _NEXT])
 
 
 def plot(options: argparse.Namespace) -> None:
@@ -306,6 +398,7 @@ def _parser() -> _Parser:
     add("--rtol", type=_number, metavar="X", help="relative tolerance (default 1e-9)")
     add("--atol", type=_number, metavar="X", help="absolute tolerance")
     add("--threads", type=_count, metavar="N", help="threads (default: all)")
+    add("--json", action="store_true", help="print JSON at a terminal, too")
     add_file(of_run, "file of the run", metavar="RUN.npz")
     of_plot = command(plot)
     of_plot.add_argument("file", type=_path, metavar="RUN.npz")

@@ -55,7 +55,9 @@ TABLE = (
    "flow(field, x0, time=T * np.arange(n)), T the period of the force"),
   ("limitcycle cycle bvp4c solvebvp bvp", "",
    "periodic_orbit(field, flow(field, x0, time=100).states[-1])"),
-  ("period frequency", "period", "periodic_orbit(field, x0).period"),
+  ("period frequency", "period",
+   "periodic_orbit(field, x0).period; orbits of period 2 of a map x -> f(x) are fixed points, "
+   "equilibria(Map(lambda x: f(f(x)), names), near=x0)"),
   ("floquet floquetmultipliers multipliers", "multipliers eigenvalues", ""),
   ("monodromy variational", "",
    "flow(field, x0, time=T, derivatives='x0').derivatives['x0'], of which [-1] is that of T"),
@@ -117,6 +119,9 @@ TABLE = (
    "iterate(Map(f, names, c=array), x0, steps=n)"),
   ("phaseportrait plotphaseportrait pplane phasespace quiver streamplot", "plot",
    "flow(field, grid, time=t).plot()"),
+  ("nullclines nullcline isocline isoclines", "",
+   "axes.contour(x, y, field(points)[..., k], [0]) for the nullcline of component k, and "
+   "axes.streamplot for arrows, as docs/howto/stability.md does"),
   ("plot3d", "", "plot(a, b, c), with the names of three components"),
   ("plot fplot", "plot",
    "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot(); events are "
@@ -173,7 +178,9 @@ TABLE = (
 # Rows whose advice is only for functions and objects with an argument or attribute `steps`, `time`.
 OF_STEPS = (
   ("eps epsilon", "eps", "iterate(system, x0, eps, steps), along the map; flow has rtol="),
-  ("dt h step stepsize deltat firststep initialstep", "eps",
+  ("firststep initialstep", "eps",
+   "nothing: flow chooses its first step by rtol=; max_step= bounds all steps"),
+  ("dt h step stepsize deltat", "eps",
    "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
   ("t time teval tend tmax tf tfinal duration", "time period times",
    "flow(system, x0, time=t); along a map iterate(..., steps=n)"),

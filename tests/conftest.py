@@ -6,6 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from last_digits import other_last_digits
 
 import suslov_fast as sf
 
@@ -77,11 +78,17 @@ def pytest_collection_modifyitems(config, items):
 
 def pytest_addoption(parser):
     parser.addoption("--seed", type=int, default=7, help="of the adversarial problems")
+    text = "seed of changes in the last digits of LAPACK, as of another processor; 0: none"
+    parser.addoption("--last-digits", type=int, default=0, help=text)
 
 
 def pytest_configure(config):
     config.option.loadscopereorder = False  # xdist would sort files by the number of their tests
     os.environ.setdefault("SUSLOV_FAST_OPT", "0")  # most tests compile fields, and take few steps
+    if config.option.last_digits:
+        digits = other_last_digits(config.option.last_digits)
+        digits.__enter__()
+        config.add_cleanup(lambda: digits.__exit__(None, None, None))
 
 
 @pytest.fixture

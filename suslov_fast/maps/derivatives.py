@@ -127,7 +127,9 @@ class _Part:
         D = self.D
         x, columns, sums = self.x[:, :D], self.x[:, D:-D].reshape(-1, D, D), self.x[:, -D:]
         after, product = _with_derivative(self.arguments, x, self.notes, n)
-        V = product @ columns.swapaxes(1, 2)
+        # Last digits of BLAS and LAPACK do not reach the orbit, so growth differs by them alone;
+        # without gaps in memory they are the same in any batch.
+        V = np.ascontiguousarray(product) @ np.ascontiguousarray(columns.swapaxes(1, 2))
         V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(D)
         Q, R = np.linalg.qr(V)
         sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))

@@ -5,7 +5,8 @@ f that follows from the others. A Newton step is the solution of least norm of t
 Rows of their matrix are scaled to 1, so that units of rates do not matter. Unknowns are in units of
 the given states, unless the matrix is singular in these units. Newton's method goes on while each
 step is much shorter than the step before, as near a regular equilibrium; at a multiple root each
-step is half as long.
+step is half as long, and near a family of equilibria it may be. Members of a family near the start
+are found by other steps (`_Equations.in_family`).
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ _WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest 
 _PROBE = 1e-6  # Newton's method leads back to a regular equilibrium from this relative displacement
 _COUNTED = 10_000  # the most starts for which the text of the result counts different states
 _NEUTRAL = 2.0**-48  # rates of growth up to this part of the largest entry of f' count as 0
+_DOUBLE = 2.0**-20  # the same where f' is singular: double eigenvalues 0 have half of the digits
+# The steps to a member of a family: their number, the displacement from a member, relative, from
+# which they lead back, and the largest residual at their end, in units of the states.
+_TO_FAMILY, _AWAY, _RESIDUAL = 12, 2.0**-10, 2.0**-46
 _ZERO = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`
 
 
@@ -58,14 +63,14 @@ class Equilibria(NamedTuple):
         where f' is singular up to rounding: at a multiple root, where states have 7 digits, and on
         a family of equilibria, of which the result is a member near the given state.
     stable : ndarray(bool, shape=(...))
-        True where the status is `OK` and the equilibrium attracts: all eigenvalues have negative
-        real parts, except the zeros that belong to linear integrals. For a `Map` all multipliers
-        have moduli below 1.
+        True where the equilibrium attracts, or a family of equilibria near it: all eigenvalues have
+        negative real parts, except the zeros that belong to linear integrals, and one along a
+        family. For a `Map` all multipliers have moduli below 1.
     kind : ndarray(str, shape=(...))
-        "attracting", "repelling" or "saddle"; "neutral" if the eigenvalues decide nothing, or the
-        status is `DEGENERATE`; "" where no equilibrium is found. With two eigenvalues it is
-        "attracting node", "attracting focus", "repelling node", "repelling focus", "saddle" or
-        "centre".
+        "attracting", "repelling" or "saddle"; "neutral" if the eigenvalues decide nothing; "" where
+        no equilibrium is found. With two eigenvalues it is "attracting node", "attracting focus",
+        "repelling node", "repelling focus", "saddle" or "centre". On a family, such as the line of
+        equilibria of a body, the eigenvalue 0 along the family does not count.
     """
 
     states: FloatArray
@@ -176,7 +181,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     ...     lambda x, m: (x[1], m - np.sin(x[0]) - 0.1 * x[1]), "q p", m=[0.0, 0.3, 0.6]
     ... )
     >>> found = equilibria(pendulum, near=[0.1, 0.0])
-    >>> found.states[:, 0].round(6), found.stable
+    >>> found.states[:, 0].round(6) + 0.0, found.stable
     (array([0.      , 0.304693, 0.643501]), array([ True,  True,  True]))
 
     A substrate S that an enzyme E turns into P: the total amounts are kept.
@@ -216,9 +221,17 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         slopes = field.jacobian(x)[..., equations.moving, :][..., equations.moving]
         values = _eigenvalues(slopes, is_map)
         others = _eigenvalues(equations.without_totals(slopes, is_map), is_map)
-        growth = abs(others) - 1.0 if is_map else others.real
-        rounding = _NEUTRAL * (abs(slopes).max(axis=(-2, -1), initial=0.0) + is_map)
-        kind, attracts = _kinds(growth, rounding[..., np.newaxis], (others.imag != 0).any(axis=-1))
+        size = abs(slopes).max(axis=(-2, -1), initial=0.0) + is_map
+        at_start = abs(equations.slopes(equations.start)).max(axis=(-2, -1), initial=0.0) + is_map
+        is_member = is_family | (has_line & (size > 0.0))
+        double = _DOUBLE * np.fmax(size, at_start)
+        rounding = np.where(is_degenerate | is_member, double, _NEUTRAL * size)
+        kind, attracts = _kinds(others, rounding[..., np.newaxis], is_map)
+        along = abs(others - is_map).argsort(axis=-1)[..., 1:]  # all but the one nearest to 0
+        across = _kinds(np.take_along_axis(others, along, -1), rounding[..., np.newaxis], is_map)
+        kind, attracts = (
+            np.where(is_member, *each) for each in zip(across, (kind, attracts), strict=True)
+        )
     status = np.select(
         [is_found & ~is_degenerate, is_found, ~has_value],
         [Status.OK, Status.DEGENERATE, Status.NONFINITE],
@@ -242,15 +255,15 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         name = field._labels[min(clocks)]
         how = f"which has a constant rate: {name} was held at its start"
         warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
-    kind = np.select([is_degenerate, is_found], ["neutral", kind], "")
-    return Equilibria(x, values, status, attracts & (status == Status.OK), kind)
+    return Equilibria(x, values, status, attracts & is_found, np.where(is_found, kind, ""))
 
 
-def _kinds(growth: Any, rounding: Any, turns: Any) -> tuple[NDArray[np.str_], Any]:
-    """Return the kinds of equilibria, and True where they attract, from rates of growth (..., k).
+def _kinds(values: Any, rounding: Any, is_map: bool) -> tuple[NDArray[np.str_], Any]:
+    """Return the kinds of equilibria, and True where they attract, from eigenvalues (..., k).
 
-    Rates up to `rounding` count as 0; `turns` is True where an eigenvalue is complex.
+    Rates of growth up to `rounding` count as 0.
     """
+    growth, turns = abs(values) - 1.0 if is_map else values.real, (values.imag != 0).any(axis=-1)
     grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
     attracts = (growth < -rounding).all(axis=-1)
     one_way, others = np.where(grows, "repelling", "attracting"), np.array("neutral")
@@ -420,6 +433,45 @@ class _Equations:
             part = np.where(is_shorter, np.minimum(1.0, 2.0 * part), part / 4)
         return y
 
+    def in_family(self, y: FloatArray) -> tuple[Any, Any]:
+        """Return states near y, and True where f is 0, f' singular, and steps become short fast.
+
+        They are the nearest in units of the largest component, or else of each component.
+        """
+        own = np.maximum(self.sizes, abs(y))
+        members, are_members = self._in_family(y, own.max(axis=-1, keepdims=True) + 0.0 * own)
+        if not are_members.all():
+            others, too = self._in_family(y, own)
+            members = np.where(are_members[..., np.newaxis], members, others)
+            are_members = are_members | too
+        return members, are_members
+
+    def _in_family(self, y: FloatArray, scale: FloatArray) -> tuple[Any, Any]:
+        """Take steps of Levenberg and Marquardt, in units of `scale`.
+
+        They tend to a near member of a family as fast as Newton's method does to a regular
+        equilibrium, while Newton's steps may go along the family. At a multiple root each step is
+        about 3/5 of the step before. Rates are in units of the states and of the largest rate: an
+        equation that vanishes along the family is not scaled up.
+        """
+        known: Any = np.isfinite(y).all(axis=-1, keepdims=True)
+        for _ in range(_TO_FAMILY):
+            f, A = self.value(y), self.slopes(y) * scale[..., np.newaxis, :]
+            known = known & np.isfinite(f).all(axis=-1, keepdims=True)
+            known = known & np.isfinite(A).all(axis=(-2, -1))[..., np.newaxis]
+            f, A = np.where(known, f, 0.0), np.where(known[..., np.newaxis], A, 0.0)
+            rows = abs(A).max(axis=-1, initial=0.0)
+            rate = (rows / scale).max(axis=-1, keepdims=True, where=~self.is_total, initial=1e-300)
+            rows = np.where(self.is_total, rows, scale * rate)
+            left, values, right = np.linalg.svd(A / rows[..., np.newaxis])
+            f = f / rows
+            size = np.sqrt((f * f).sum(axis=-1, keepdims=True))
+            along = (np.swapaxes(left, -2, -1) @ f[..., np.newaxis])[..., 0]
+            along *= values / np.where(size > 0.0, values**2 + size, np.inf)
+            y = y - scale * (np.swapaxes(right, -2, -1) @ along[..., np.newaxis])[..., 0]
+        is_zero = (known & (size <= _RESIDUAL))[..., 0]
+        return y, is_zero & (self.step(y)[3] <= _WHOLE)
+
     def by_scipy(self) -> tuple[FloatArray, bool]:
         """Return the state that SciPy finds for a single field; True if it is an equilibrium."""
         from scipy.optimize import root  # inside, because the import takes time
@@ -464,6 +516,13 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
     for index in map(tuple, np.argwhere(f_is_finite & ~is_found)):
         y[index], is_found[index] = equations.member(index).by_scipy()
     leads, is_family = equations.near(y)
+    if not (leads | ~is_found).all():
+        others, too = equations.in_family(equations.start)
+        y = np.where((too & is_found & ~leads)[..., np.newaxis], others, y)
+        scale = np.maximum(equations.sizes, abs(y))
+        others, too = equations.in_family(y + _AWAY * scale * np.cos(np.arange(y.shape[-1])))
+        too &= is_found & ~leads & (_length(others - y, scale) > _PROBE)
+        leads, is_family = leads | too, is_family | too
     if (is_multiple := is_found & ~leads).any():  # `damped` corrects small components of y
         closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
         y = np.where(is_multiple[..., np.newaxis], closer, y)

@@ -25,7 +25,8 @@ from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
 _NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
-_TURNS = 12  # the most turns of an orbit that `_one_turn` recognizes in the period found
+_TURNS = 12  # the most turns of an orbit that are recognized in a period
+_RETURN = 2.0**-4  # the largest distance, in ranges of components, of a return after a turn
 _SAME = 1e-6  # starts of equal turns differ by at most this part of the range of each component
 _FAR = 0.5  # if the orbit is further from x0, in ranges of its components, a warning says so
 _ROUGH = 1e-8  # the least rtol of the motion that is searched for a near return to x0
@@ -163,7 +164,8 @@ def periodic_orbit(
     motion = FieldFlow(field, x, settings, acting)
     with np.errstate(all="ignore"):
         T = _checked_period(field, motion, x, period, acting)
-        search = nearest_orbit(motion, motion.between_events(x, T), T)
+        start = motion.between_events(x, T)
+        search = _nearer_turn(nearest_orbit(motion, start, T), start, T)
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
@@ -240,6 +242,37 @@ def _not_an_orbit(search: Shooting, given: float) -> str | None:
     return f"no orbit: the residual is {search.residual:.1e}, not {search.allowed:.1e}"
 
 
+def _nearer_turn(search: Shooting, start: FloatArray, T: float) -> Shooting:
+    """Return arcs of one turn if T is several turns of an orbit that passes nearer to the start.
+
+    Errors of T and of the start grow over several turns of an unstable orbit, so that Newton's
+    method may lead to another orbit.
+    """
+    flow = search.flow
+    if flow.is_forced:
+        return search
+    turns = np.arange(_TURNS, 1, -1)
+    ways = abs(flow.states(start, T / turns) - start)[:, search.moving] / search.units
+    for m in turns[(ways < _RETURN).all(axis=1)]:
+        one = nearest_orbit(flow, start, T / m)
+        if not _not_an_orbit(one, one.T) and 2 * _away(one, start) < _away(search, start):
+            _warn_of_turns(one, int(m))
+            return one
+    return search
+
+
+def _away(search: Shooting, start: FloatArray) -> float:
+    """Return the distance of the first node from a state, or infinity if there is no orbit."""
+    if not search.closes:
+        return np.inf
+    return float((abs(search.nodes[0] - start)[search.moving] / search.units).max())
+
+
+def _warn_of_turns(one: Shooting, m: int) -> None:
+    which = f"an orbit {m} times around: one turn, of period {one.T:.9g}, is returned"
+    warn(f"periodic_orbit found {which}")
+
+
 def _one_turn(search: Shooting) -> Shooting:
     """Return the arcs, or if they are several turns of an orbit, arcs of one turn and a warning."""
     flow, x = search.flow, search.nodes[0]
@@ -250,8 +283,7 @@ def _one_turn(search: Shooting) -> Shooting:
     for m in turns[(ways < _SAME).all(axis=1)]:
         one = nearest_orbit(flow, x, search.T / m)
         if not _not_an_orbit(one, one.T):
-            which = f"an orbit {m} times around: one turn, of period {one.T:.9g}, is returned"
-            warn(f"periodic_orbit found {which}")
+            _warn_of_turns(one, int(m))
             return one
     return search
 

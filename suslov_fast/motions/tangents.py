@@ -32,6 +32,7 @@ from ..core.flow.growing_components import RELATIVE
 from ..core.flow.memory import LaneState
 from ..core.hybrid.event_formulas import EventAction, components_of
 from ..fields.right_hand_sides import with_events
+from ..maps.orthonormal import dual_product, orthonormal
 from ..status import Status
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 
@@ -41,7 +42,9 @@ _ROOM = 8.0  # the largest product of the length of the first segment and the si
 # A segment is short enough if the diagonal of R is below _LARGEST, above _LEAST, and above _LEAST
 # times its largest entry, because allowed errors are relative to the longest tangent vectors.
 _LEAST, _LARGEST = 2.0**-10, 2.0**300
-_OF_ALL = 2.0**-6  # each column at time 0: an eigenvector plus this part of all directions
+_OF_ALL = 2.0**-6  # each column at time 0: a slow direction plus this part of all directions
+_POWERS = 8  # how often f' is applied to columns to find these directions
+_GROWTH = 2.0**-10  # smaller rates of growth, as parts of the largest entry of f', count as none
 # After the shortest segment, a diagonal entry of R has no digits if it is at most _DEAD times the
 # largest one, or _NO_DIGITS: what rounding may leave of a column of length 1 that an event makes 0.
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
@@ -98,24 +101,31 @@ def exponents_of(
 
 
 def _slowest_first(slopes: FloatArray) -> FloatArray:
-    """Return orthonormal columns (B, n, n) along eigenvectors of f', the slowest to decay first.
+    """Return orthonormal columns (B, n, n): first the directions that grow, or decay slowly.
 
-    Each column also has a small part of all directions, so that it turns to the slowest of them. A
-    column that stayed along a fast eigenvector would make all segments short.
+    With a shift s above the rates of growth, powers of the transpose of f' - s turn columns to the
+    directions in which it is large; the complements of these are the slow ones. Each column also
+    has a small part of all directions, so that it turns to the slowest of them. A column that
+    stayed along a fast eigenvector would make all segments short.
     """
-    rates, modes = np.linalg.eig(slopes)
-    order = np.lexsort((-rates.imag, -rates.real))[:, np.newaxis]
-    columns = np.where(rates.imag[:, np.newaxis] < 0.0, modes.imag, modes.real)
-    columns = np.take_along_axis(columns, order, axis=-1)
-    n = slopes.shape[-1]
-    return np.linalg.qr(columns + _OF_ALL * np.cos(1.0 + np.arange(n * n)).reshape(n, n))[0]
+    B, n, _ = slopes.shape
+    # Processors differ in the last digits of eigenvalues, cosines, and perhaps f'. No bit of the
+    # result depends on them, because s is a power of 2, and other numbers are rounded.
+    rates = np.linalg.eigvals(slopes).real.max(axis=1)
+    grows = rates > _GROWTH * abs(slopes).max(axis=(1, 2))
+    shift = np.where(grows, np.ldexp(1.0, np.frexp(1.37 * rates)[1]), 0.0)
+    shifted = slopes - shift[:, np.newaxis, np.newaxis] * np.eye(n)
+    generic = np.cos(1.0 + np.arange(n * n)).reshape(n, n).round(6)
+    columns = np.tile(generic, (B, 1, 1))
+    for _ in range(_POWERS):
+        columns, _ = orthonormal(dual_product(shifted, columns))
+    return orthonormal(columns[..., ::-1].round(6) + _OF_ALL * generic)[0]
 
 
 def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Q and the moduli of the diagonal of R, where Q R = V (K, n, n); Q = 1 if V is NaN."""
     V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(V.shape[-1])
-    Q, R = np.linalg.qr(V)
-    return Q, abs(np.diagonal(R, axis1=1, axis2=2))
+    return orthonormal(V)
 
 
 class _Run:
@@ -216,7 +226,8 @@ class _Run:
         slopes = self.f.jacobian(self.x.T, self.table.T)
         size = abs(slopes).sum(axis=1).max(axis=0) * np.ones(len(self.x))
         size = np.where(np.isfinite(size), np.maximum(time * size / _ROOM, 1.0), 1.0)
-        return np.minimum(np.ceil(np.log2(size)), _MOST).astype(np.int64)
+        part, power = np.frexp(size)  # the least power of 2 that is not below `size`
+        return np.minimum(power - (part == 0.5), _MOST).astype(np.int64)
 
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
         """Take a segment; return masks: it was short enough, and the next one may be longer.
@@ -284,7 +295,7 @@ class _Run:
             end[:, [*self.f.hybrid.offsets]] += starts
         V = end[:, D:-n].reshape(K, n, n) - SHIFT
         Q, diagonal = _decomposed(V)
-        off = abs(V.transpose(0, 2, 1) @ V - np.eye(n)).max(axis=(1, 2))
+        off = abs(dual_product(V, V) - np.eye(n)).max(axis=(1, 2))
         self.has_frames[which[ended]] = False
         most = _OFF * self.settings.rtol
         is_good = ~ended & (is_last | (off <= most))
@@ -348,7 +359,7 @@ class _Run:
         self.dead[k] |= are_lost
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]
-        self.Q[k] = np.linalg.qr(V[:, order])[0]
+        self.Q[k] = orthonormal(V[np.newaxis, :, order])[0][0]
 
     def exponents(self) -> FloatArray:
         """Return the exponents (B, n), the largest first; NaN for motions that ended."""

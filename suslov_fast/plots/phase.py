@@ -129,7 +129,8 @@ def plot_phase(
 
     extent = positive("extent", extent)
     if not isinstance(body, Suslov3D):
-        how = "iterate(...).plot() or flow(...).plot() draws orbits"
+        how = "iterate(...).plot() or flow(...).plot() draws orbits; axes.contour of field(points) "
+        how += "draws nullclines, as docs/howto/stability.md does"
         raise wrong("body", "a Suslov3D", f"{kind_of(body)}: {how}", TypeError)
     I1, I2, I13, I23, k = body._constants
     if body.shape or not (I13 or I23 or k):

@@ -29,6 +29,8 @@ _ALONE = 64  # the most orbits that have a line each
 _IN_LEGEND = 8  # the most orbits in a legend
 _STYLES = "-", "--", ":", "-."  # styles of lines, for values of a second parameter
 _SIZES = {200: 6, 2000: 4}  # sizes of dots, by the most states that have them; else 2
+_EQUAL = 8.0  # the largest ratio of extents in space whose axes have equal scales by default
+_ZOOM = 0.8  # of axes in space: the layout leaves no room for their labels
 _TIME = -1  # stands for time in place of the index of a component
 
 
@@ -39,8 +41,11 @@ def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
             how = "figure.add_subplot(projection='3d')" if count == 3 else "figure.add_subplot()"
             raise wrong("ax", f"axes for {count} components", f"{kind_of(ax)}: {how}", TypeError)
         return ax
-    projection = {"projection": "3d"} if count == 3 else {}
-    return plt.figure(figsize=size, layout="constrained").add_subplot(**projection)
+    if count != 3:
+        return plt.figure(figsize=size, layout="constrained").add_subplot()
+    axes = plt.figure(figsize=size, layout="constrained").add_subplot(projection="3d")
+    axes.set_box_aspect(None, zoom=_ZOOM)
+    return axes
 
 
 def plot_run(
@@ -95,6 +100,11 @@ def plot_run(
         mappable = plt.cm.ScalarMappable(norm, COLOURS)
         text = f"{name}, each for {len(np.unique(values))} {second}" if second else name
         axes.figure.colorbar(mappable, ax=axes, label=text, shrink=0.8)
+    if ax is None and len(chosen) == 3 and _TIME not in chosen:
+        extents = np.ptp(states[np.isfinite(states).all(axis=-1)], axis=0) if states.size else [0.0]
+        if 0.0 < np.max(extents) <= _EQUAL * np.min(extents):
+            limits = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
+            axes.set_box_aspect(np.ptp(limits, axis=1), zoom=_ZOOM)
     labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
     if axes.get_legend_handles_labels()[1]:

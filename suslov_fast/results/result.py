@@ -312,7 +312,9 @@ class States(Result):
             Its dimensions are "n" for a run of a map or "time" for a motion, the axes of the batch,
             and "component". If parameters or eps vary along a single axis, the axis has the name
             and the values of the first of them, as in ``data.sel(eps=0.2)``. Other axes are
-            "trajectory" or, if the batch has several axes, "batch_0", "batch_1", ...
+            "trajectory" or, if the batch has several axes, "batch_0", "batch_1", ... The states are
+            one variable, so that a file has them once: ``data.states.sel(component="x")``, or
+            ``data.states.to_dataset("component")`` with a variable for each component.
 
         Examples
         --------

@@ -282,3 +282,61 @@ def test_steady_states_near_those_of_bodies():
     with pytest.warns(UserWarning, match="a family of equilibria"):
         found = equilibria(rotor, near=[1.0, 0.5])
     assert abs(rotor(found.states)).max() < 1e-15
+
+
+TOP = Field(lambda w: (-w[1] * w[2], w[0] * w[2], -w[0] * w[1] / 3), "w1 w2 w3")  # of Euler
+RATTLEBACK = Field(lambda s: (4 * s[0] * s[2], -s[1] * s[2], s[1] ** 2 - 4 * s[0] ** 2), "p r s")
+SLEIGH = Field(lambda s: (0.4 * s[1] ** 2, -0.4 * s[0] * s[1]), "u w")
+
+
+@pytest.mark.filterwarnings("ignore:equilibria. 1 of 1 starts lead to a family")
+@pytest.mark.parametrize(
+    ("field", "axis", "sign", "kind"),
+    [
+        (TOP, 0, 1, "centre"),
+        (TOP, 1, 1, "saddle"),
+        (TOP, 2, -1, "centre"),
+        (RATTLEBACK, 2, 1, "saddle"),
+        (RATTLEBACK, 2, -1, "saddle"),
+        (SLEIGH, 0, 1, "attracting"),
+        (SLEIGH, 0, -1, "repelling"),
+    ],
+)
+def test_lines_of_equilibria(field, axis, sign, kind):
+    """Newton's method halves the states of homogeneous fields, and led to the origin."""
+    for size, away in ((1.0, 0.0), (0.9, 0.02), (300.0, 3.0)):
+        start = sign * size * np.eye(field.dimension)[axis]
+        found = equilibria(field, near=start + away * np.cos(np.arange(field.dimension)))
+        assert (found.kind, found.stable) == (kind, kind == "attracting")
+        np.testing.assert_allclose(found.states, start, atol=1.1 * away)
+        others = np.delete(found.states, axis)
+        assert abs(others).max() < 1e-14 * size
+        # The eigenvalues in closed form, at this member of the line.
+        c = found.states[axis]
+        if field is TOP:
+            root = c * np.emath.sqrt((-1 / 3, 1 / 3, -1)[axis])
+            expected = [root, 0, -root]
+        else:
+            expected = [4 * c, 0, -c] if field is RATTLEBACK else [0, -0.4 * c]
+        for part in (np.real, np.imag):
+            values, right = np.sort(part(found.eigenvalues)), np.sort(part(expected))
+            np.testing.assert_allclose(values, right, atol=1e-13 * size)
+
+
+def test_one_half_of_the_line_of_a_body_attracts():
+    body = sf.Suslov3D(1, 2, 0.3, 0.2)
+    found = equilibria(body, near=[[-0.4, 0.6], [0.4, -0.6], [0.0, 0.0]])
+    assert found.kind.tolist() == ["attracting", "repelling", "neutral"]
+    assert found.stable.tolist() == [True, False, False]
+    for k, start in ((0, [-0.4, 0.61]), (1, [0.4, -0.61])):
+        end = sf.flow(body, start, time=200).final
+        assert (abs(end - found.states[k]).max() < 0.02) == found.stable[k]
+
+
+def test_folds_with_a_direction_that_grows():
+    """They are unstable, whatever the eigenvalue 0 decides; and no family, from any start."""
+    for start in ([0.1, 0.1], [0.0, 0.0], [1e-9, 0.0]):
+        for rate, kind in ((1, "repelling node"), (-1, "neutral")):
+            with pytest.warns(UserWarning, match="multiple root"):
+                found = _near(lambda x, a=rate: (x[0] ** 2, a * x[1]), start)
+            assert (found.kind, found.stable) == (kind, False)

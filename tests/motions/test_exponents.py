@@ -3,6 +3,7 @@
 import warnings
 from itertools import pairwise
 
+import children
 import naive
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from systems import LORENZ, exponents_by_qr, lorenz, lorenz_96, rubbing
 
 import suslov_fast as sf
 from suslov_fast.maps import derivatives
+from suslov_fast.maps.orthonormal import dual_product, orthonormal
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
@@ -282,3 +284,57 @@ def test_known_exponents_of_motions(name):
     field = sf.Field(f, np.shape(x0)[-1], **given)
     found = sf.lyapunov_exponents(field, x0, time=time, transient=transient, events=event)
     np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), rtol=0, atol=10**-digits)
+
+
+ROESSLER = sf.Field(lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7)), 3)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 12])
+def test_orthonormal_columns(n, rng):
+    """They are those of LAPACK up to signs; zero and equal columns, and any scale, have some."""
+    V = rng.normal(size=(6, n, n))
+    V[1] *= 2.0**900
+    V[2] *= 2.0**-900
+    V[3, :, -1], V[4, :, 0], V[5] = 0.0, V[4, :, -1], 0.0
+    Q, diagonal = orthonormal(V)
+    assert abs(dual_product(Q, Q) - np.eye(n)).max() < 2e-15
+    R = dual_product(Q, V) / np.maximum(abs(V).max(axis=(1, 2), keepdims=True), 1e-300)
+    assert abs(np.tril(R, -1)).max() < 2e-15
+    expected, upper = np.linalg.qr(V[:3])
+    signs = np.sign((Q[:3] * expected).sum(axis=1, keepdims=True))
+    np.testing.assert_allclose(Q[:3] * signs, expected, atol=1e-13)
+    of_lapack = abs(np.diagonal(upper, axis1=1, axis2=2))
+    np.testing.assert_allclose(diagonal[:3], of_lapack, rtol=1e-12)
+    for k in range(6):
+        np.testing.assert_array_equal(orthonormal(V[k : k + 1])[0][0], Q[k])
+
+
+@pytest.mark.parametrize("x0", [[1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+def test_last_digits_of_lapack_do_not_choose_the_orbit(x0, monkeypatch):
+    """Processors differ in them, and a chaotic orbit would go elsewhere."""
+    expected = sf.lyapunov_exponents(ROESSLER, x0, time=200)
+    for name in ("eig", "eigvals", "qr", "svd", "pinv", "solve"):
+        monkeypatch.setattr(np.linalg, name, with_other_digits(getattr(np.linalg, name)))
+    np.testing.assert_array_equal(sf.lyapunov_exponents(ROESSLER, x0, time=200), expected)
+
+
+def with_other_digits(function):
+    def changed(*arguments, **keywords):
+        found = function(*arguments, **keywords)
+        results = found if isinstance(found, tuple) else (found,)
+        others = [
+            each * (1 + 3e-16 * np.cos(np.arange(each.size)).reshape(each.shape))
+            for each in results
+        ]
+        return tuple(others) if isinstance(found, tuple) else others[0]
+
+    return changed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("core", ["Nehalem", "Haswell", "Katmai", "SkylakeX"])
+def test_exponents_have_the_same_bits_on_other_processors(core):
+    code = "import numpy as np, suslov_fast as sf"
+    code += "; f = lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7))"
+    code += "; print(sf.lyapunov_exponents(sf.Field(f, 3), [1, 1, 0], time=1000).tolist())"
+    assert children.run(code, OPENBLAS_CORETYPE=core) == children.run(code)

@@ -370,3 +370,23 @@ def test_integrals_that_events_do_not_keep_leave_out_no_multiplier():
         assert orbit.stable is is_stable
     marker = Event(lambda x: x[0])  # which changes nothing
     assert periodic_orbit(field, [0.1, -1.0], 6.28, events=marker).stable
+
+
+@pytest.mark.parametrize("turns", [5, 8, 11])
+def test_turns_of_an_unstable_orbit(turns):
+    """Its multiplier is 64: Newton's method for all turns led to other orbits near it."""
+    x0 = [-4.473777426249161, -8.595978309705247, 8.410608458823141]
+    with pytest.warns(UserWarning, match=f"{turns} times around") as told:
+        orbit = periodic_orbit(LORENZ, x0, period=turns * 4.534075383577647)
+    assert len(told) == 1
+    assert orbit.period == pytest.approx(4.5341079489651, rel=1e-11)
+    assert abs(orbit.multipliers[0]) == pytest.approx(64.4670024, rel=1e-6)
+
+
+def test_a_doubled_orbit_beside_the_single_one():
+    """Just after a period doubling the given period, two turns, chooses between them."""
+    field = roessler(2.9)
+    x0 = flow(field, [1, 1, 0], time=3000, rtol=1e-8).final
+    orbit = periodic_orbit(field, 1.001 * x0, period=11.5)
+    assert orbit.period > 11
+    assert orbit.stable

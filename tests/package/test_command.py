@@ -1,6 +1,7 @@
 """The command `suslov-fast`: what it computes and writes, and how it refuses."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import command
 from suslov_fast.command import main
 
 
@@ -49,6 +51,30 @@ def test_a_run_of_a_body(capsys):
     call("run --body 4,1,-.5,-.3,.7 --x0 -1,.5 --eps -1/8 --steps 9 -o a.npz --force", capsys)
     body = sf.Suslov3D(4, 1, -0.5, -0.3, 0.7)
     assert sf.load("a.npz") == sf.iterate(body, [-1.0, 0.5], -0.125, 9, save_every=None)
+
+
+def test_a_run_at_a_terminal(capsys, monkeypatch):
+    """The same facts as text; a rate never contains compilation."""
+    line = "run --trajectories 5 --steps 40"
+    facts = json.loads(call(line, capsys))
+    assert facts["steps"] == 200
+    assert 0 < facts["relative_change_of_F"] < 1e-14
+    assert 0 < facts["relative_difference_from_theorem_1"] < 1e-14
+    assert facts["steps_per_second_one_thread"] > 0
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert json.loads(call(f"{line} --json", capsys)).keys() == facts.keys()
+    text = call(line, capsys)
+    assert "5 orbits of Kahan's map, 200 steps in all, of length 0.2\n" in text
+    for name in ("one thread: ", "Lemma 1: ", "Theorem 1: ", "next:"):
+        assert f"\n{name}" in text
+    assert re.search(r"change is [1-9]e-1[5-7]\n", text)
+    monkeypatch.setattr(command, "_AGAIN", 0.0)
+    assert "only one call was made" in call(line, capsys)
+    facts = json.loads(call(f"{line} --json", capsys))
+    assert (facts["seconds"], facts["steps_per_second"]) == (None, None)
+    assert "time 2, " in call("run --time 2 --x0 1,0.5", capsys)
+    with_rotor = json.loads(call("run --json --body 4,1,0,0.1,1 --x0 1,1 --eps 1/8", capsys))
+    assert not {"relative_change_of_F"} & {*with_rotor}
 
 
 def test_a_run_of_equations(capsys):

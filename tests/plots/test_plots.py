@@ -91,6 +91,25 @@ def test_runs_are_drawn_with_their_names():
         run.plot("z")
 
 
+def test_axes_in_space():
+    """A sphere is round, and labels are inside the figure; other extents have axes of their own."""
+    turns = sf.Field(lambda m: (m[1] * m[2], -2 * m[0] * m[2], m[0] * m[1]), "a b c")
+    motion = sf.flow(turns, [[0.1, 0.99, 0.1], [0.7, 0.1, 0.7]], time=np.linspace(0, 20, 500))
+    axes = motion.plot("a", "b", "c")
+    axes.figure.canvas.draw()
+    limits = [np.ptp(each) for each in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())]
+    np.testing.assert_allclose(axes._box_aspect / axes._box_aspect[0], limits / limits[0])
+    for each in (axes, motion.plot("time", "b", "c")):
+        each.figure.canvas.draw()
+        for axis in (each.xaxis, each.yaxis, each.zaxis):
+            box = axis.label.get_window_extent()
+            assert 0 < box.x0 < box.x1 < each.figure.bbox.width
+            assert 0 < box.y0 < box.y1 < each.figure.bbox.height
+    given = plt.figure().add_subplot(projection="3d")
+    before = given._box_aspect.copy()
+    np.testing.assert_array_equal(motion.plot("a", "b", "c", ax=given)._box_aspect, before)
+
+
 def test_orbits_of_large_batches_share_lines():
     starts = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 2))
     run = sf.iterate(BODY, starts, 0.2, 4)

@@ -69,7 +69,7 @@ class Sliding:
         self.field = Field._of({**parts, NAMES: equations.names, EQUATIONS: equations})
         self.D = x.shape[1]
         self.starts = np.concatenate([x[where], np.ones((len(where), size))], axis=1)
-        if self.contacts:
+        if self.modes.has_clock:
             last = abs(request.times).max(initial=0.0)
             self.starts[:, -2:] = last / (1.0 + last), 0.0
         times = (request.event_times or NO_EVENT_TIMES).of(where)

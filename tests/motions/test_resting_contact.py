@@ -193,6 +193,44 @@ def test_balls_without_restitution_stay_above_tables_that_throw_them(rng):
     assert (gap >= -1e-9 * abs(motion["h"]).max(axis=0))[:, motion.ok].all()
 
 
+@pytest.mark.parametrize("stiff", [None, True])
+def test_no_hop_on_a_table_hides_a_hit(rng, stiff):
+    """Until its next hit or its rest each ball is on a parabola, which is above the table.
+
+    One of 13,000 hits is missed: the step after a hop may be short, and the next one long.
+    """
+    n = 300
+    A = rng.uniform(1.1, 4.0, n)
+    ball, hit = on_a_table(A, 0.3)
+    starts = np.stack([A + rng.uniform(0.5, 5.0, n), 0.0 * A, 0.0 * A], axis=1)
+    motion = flow(ball, starts, time=60.0, events=hit, stiff=stiff)
+    hits, phases = motion.events, motion.phases
+    rests = (phases.trajectory + 1j * phases.time)[phases.mode == "rests"]
+    flies = ~np.isin(hits.trajectory + 1j * hits.time, rests)[:-1]
+    (k,) = np.nonzero(flies & (hits.trajectory[1:] == hits.trajectory[:-1]))
+    assert len(k) > 20 * n
+    (h, v, t), A = hits.states[k].T, A[hits.trajectory[k]]
+    since = np.linspace(0.0, 1.0, 200)[:, np.newaxis] * (hits.time[k + 1] - hits.time[k])
+    gap = h + v * since - since**2 / 2 - A * np.sin(t + since)
+    assert (gap.min(axis=0) < -1e-10).sum() <= 1
+
+
+@pytest.mark.parametrize("T", [0.02, 0.1, 1.0, 2.0, 5.0])
+def test_balls_that_start_on_a_table_come_to_rest(T):
+    """The clock is not 0 at the start, so that its rounding is large beside the time."""
+    A, w = 0.1, 10.0
+    ball = Field(lambda s: (s[1], -9.81, 1.0), "h v t")
+    hit = Event(lambda s: s[0] - A * np.sin(w * s[2]), direction=-1,
+                to=lambda s: (s[0], 1.5 * A * w * np.cos(w * s[2]) - 0.5 * s[1], s[2]))  # fmt: skip
+    t, up = np.array([0.31, 0.95]), np.array([0.001, 0.01])
+    motion = flow(
+        ball, np.stack([A * np.sin(w * t), A * w * np.cos(w * t) + up, t], axis=1), time=T,
+        events=hit,
+    )  # fmt: skip
+    assert motion.ok.all()
+    np.testing.assert_allclose(motion["h"][0], A * np.sin(w * (t + T)), atol=1e-9)
+
+
 def test_two_balls_in_a_pile_come_to_rest(rng):
     """Neither falls through the floor or through the other one, which has hit it at rest."""
     n = 60
@@ -213,6 +251,16 @@ def test_two_balls_in_a_pile_come_to_rest(rng):
     assert motion.ok.mean() > 0.8
     rest = np.stack([0 * d, 0 * d, d, 0 * d], axis=-1)
     np.testing.assert_allclose(motion.final[motion.ok], rest[motion.ok], atol=1e-12)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e6, 1e9])
+def test_a_far_wall_does_not_change_when_a_ball_rests(far):
+    """A ball that falls from 1 hits the floor after t = sqrt(2 / g), and rests at 9 t."""
+    ball = BALL.with_parameters(g=9.8, e=0.8)
+    wall = Event(lambda s: s[0] + far, to=lambda s: (s[0], -s[1]))
+    alone, beside = (flow(ball, [1.0, 0.0], time=5.0, events=e) for e in (BOUNCE, [BOUNCE, wall]))
+    np.testing.assert_allclose(beside.phases.time, [9.0 * np.sqrt(2.0 / 9.8)], rtol=3e-10)
+    np.testing.assert_array_equal(beside.events.time, alone.events.time)
 
 
 # ------------------------------------------------------- starts that are likely to be mistakes

@@ -347,3 +347,74 @@ def test_a_quotient_beside_a_modulus():
     field = Field(lambda s: (-abs(s[0]), s[1] / 3.0, -np.sign(s[2])), "x y z")
     final = flow(field, [1.0, 2.0, 3.0], time=4.0).final
     np.testing.assert_allclose(final, [np.exp(-4.0), 2.0 * np.exp(4 / 3), 0.0], atol=1e-8)
+
+
+def clutches(drive, strength, closes):
+    """Return discs in a row; clutch k has the torque strength(k, t) from the time closes[k] on."""
+
+    def right(s):
+        t, n = s[-1], len(closes)
+        torques = [
+            np.where(t >= closes[k], strength(k, t), 0.0) * np.sign(s[k] - s[k + 1])
+            for k in range(n)
+        ]
+        return [a - b for a, b in zip([drive(t), *torques], [*torques, 0.0], strict=True)] + [1.0]
+
+    return Field(right, len(closes) + 2)
+
+
+@pytest.mark.parametrize("torque", [1.0, -1.0])
+def test_open_clutches_between_discs_at_equal_speeds(torque):
+    """Jumps are 0 before t = 1, and before t = 9. Disc 1 drives disc 2, to its speed at t = 2."""
+    field = clutches(lambda t: torque, lambda k, t: 1.0, [1.0, 9.0])
+    motion = flow(field, np.zeros(4), time=[1.0, 2.0, 4.0])
+    right = torque * np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
+    np.testing.assert_allclose(motion.states[..., :3], right, atol=1e-12)
+
+
+def test_a_chain_of_clutches_that_close_one_after_the_other():
+    """All discs begin at rest, where no clutch has a jump; from 1.1 on they turn as one."""
+    w = 0.4 * np.pi
+    field = clutches(
+        lambda t: 10.0 * np.sin(w * t),
+        lambda k, t: 10.0 * (np.sin(w * t) if k == 0 else 1.0),
+        [0.0, 0.4, 0.9],
+    )
+    motion = flow(field, np.zeros(5), time=[0.3, 0.8, 1.2, 1.5])
+    turned = np.array([[1, 1, 0, 0], [1, 1, 1, 0], [1, 1, 1, 1], [1, 1, 1, 1]])
+    right = 10.0 / w * (1.0 - np.cos(w * motion.time)) / turned.sum(axis=1)
+    np.testing.assert_allclose(motion.states[..., :4], right[:, np.newaxis] * turned, atol=1e-9)
+
+
+def test_motions_wind_into_the_point_where_two_surfaces_meet(rng):
+    """Filippov's example: |x - a| + |y - b| falls at the rate 2 to 0, and stays there."""
+    n = 100
+    a, b = np.where(np.arange(n) < n // 2, 0.0, rng.normal(0.0, 1.0, (2, n)))
+    field = Field(
+        lambda s, a, b: (
+            2 * np.sign(s[1] - b) - np.sign(s[0] - a),
+            -2 * np.sign(s[0] - a) - np.sign(s[1] - b),
+        ),
+        "x y",
+        a=a,
+        b=b,
+    )
+    away = rng.normal(0.0, 10.0 ** rng.uniform(-2, 1, n), (2, n))
+    starts = np.stack([a + away[0], b + away[1]], axis=1)
+    motion = flow(field, starts, time=np.linspace(0.0, 20.0, 41))
+    assert motion.ok.all()
+    far = abs(motion["x"] - a) + abs(motion["y"] - b)
+    right = np.maximum(far[0] - 2.0 * motion.time[:, np.newaxis], 0.0)
+    np.testing.assert_allclose(far, right, atol=1e-8)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_a_motion_winds_into_a_corner_and_leaves_it(rtol):
+    """The push t is held to 2.5, then x to 3: y = -(t - 2.5)**2, x = (t - 3)**2 / 2."""
+    field = Field(
+        lambda s: (2 * np.sign(s[1]) - np.sign(s[0]) + s[2], -2 * np.sign(s[0]) - np.sign(s[1]), 1),
+        "x y t",
+    )
+    motion = flow(field, [0.1, 0.1, 0.0], time=[1.0, 2.5, 3.0, 4.0], rtol=rtol)
+    right = [[0.0, 0.0], [0.0, 0.0], [0.0, -0.25], [0.5, -1.25]]
+    np.testing.assert_allclose(motion.states[:, :2], right, atol=1e-10)

@@ -64,6 +64,17 @@ SIDE = scalar_kernel(_side)  # `_side` as a kernel, with the same inputs and res
 
 
 @scalar_kernel
+def SIDE_AT_START(value, rate, size, rate_size, near, t, sign, holds):
+    """Return `side` and `level` as `_side`; with `EventAction.holds` 2, on the surface is above."""
+    found = _side(value, rate, size, rate_size, near, t, sign)
+    held = (holds > 1.0) & (found["is_on"] > 0.0)
+    return {
+        "side": held.select(1.0, found["side"]),
+        "level": held.select(-abs(value) - ROUNDING * size, found["level"]),
+    }
+
+
+@scalar_kernel
 def TOUCHING_SIDE(
     side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, fired,
     sign,
@@ -129,7 +140,7 @@ def CROSSED(
 @scalar_kernel
 def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
-    pause, more, limit, sign,
+    pause, more, limit, hop, sign,
 ):  # fmt: skip
     """Return `more` > 0 if actions at s = 0 follow one another at once, and when they accumulate.
 
@@ -137,13 +148,17 @@ def AGAIN(
     rises to r**2 / (2 |a|). If each action reduces r by the factor q, the times of actions have the
     `limit` 2 |r / a| / (1 - q) later, when the state is at rest. If a does not lead back, `limit`
     is Aitken's extrapolation from the times of the last actions.
+
+    The next step is at most `hop`, twice the time 2 |r / a|. If s is a cubic that returns to 0 and
+    becomes positive again, it is negative there: at the end of this step the return is seen.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING * size + TINY)
     stays = abs(rate) <= ROUNDING * (rate_size + abs(rate_before))
     turn, change = -(fired * sign), later - rate
     bends = (abs(change) > ROUNDING * rate_size) & (turn * change < 0.0)
-    comes_back = is_on & bends & (stays | (turn * rate > 0.0)) & (abs(rate) < abs(rate_before))
+    returns = is_on & bends & (stays | (turn * rate > 0.0))
+    comes_back = returns & (abs(rate) < abs(rate_before))
     parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
     away = comes_back.select(parabola, gap)
     of_terms = LOW * (size + rate_size * now)  # rounding errors of s at times near t
@@ -155,23 +170,26 @@ def AGAIN(
     return {
         "more": larger(counts, more),
         "limit": is_at_once.select(smaller(t + comes_back.select(of_rates, of_gaps), limit), limit),
+        "hop": (is_fired & returns & ~(stays | is_at_once)).select(
+            smaller(2.0 * parabola, hop), hop
+        ),
         "acted_at": is_fired.select(t, acted_at),
         "pause": is_fired.select(gap, pause),
     }
 
 
 @scalar_kernel
-def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest):
+def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest, hop):
     """Return the next length: `wanted`, or the `first_length` at the new state if that is longer.
 
     If actions have made f more than FASTER times as large, `wanted` is first cut to the
-    `first_length` for the largest values so far.
+    `first_length` for the largest values so far. The length is at most `hop`.
     """
     guess = first_length(size, rate, part, last)
     of_largest = first_length(larger(size, largest), rate, part, last)
     least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
     guess = larger((rate > 0.0).select(guess, 0.0), least)
-    return {"wanted": smaller(smaller(guess, last), longest)}
+    return {"wanted": smaller(smaller(smaller(guess, last), longest), hop)}
 
 
 @scalar_kernel
@@ -207,7 +225,7 @@ def change(code):
     if events.at_times:
         with text.when(is_at_stop.any()):
             _act_at_times(code)
-    again = Carried(more=0.0, limit=inf)
+    again = Carried(more=0.0, limit=inf, hop=inf)
     if events.surfaces:
         _act_at_surfaces(code, is_there, is_there & ~is_at_stop, again)
     _go_on(code, is_at_stop, again)
@@ -230,7 +248,9 @@ def find_sides(code, begins):
     _look_at_end(code)
     _look_a_moment_later(code)
     for k in code.text.each(code.integrator.events.surfaces, resting):
-        start = code.apply(SIDE, near=0.0, **_at_surface(code.work.toward, k))
+        numbers = _at_surface(code.work.toward, k)
+        numbers["holds"] = code.text.constants([*map(float, code.integrator.events.holds)])[k]
+        start = code.apply(SIDE_AT_START, near=0.0, **numbers)
         start = _with_touching_side(code, k, start["side"], start["level"], 0.0)
         side.choose(begins, k * 2, start["side"])
         side.after(1).choose(begins, k * 2, start["level"])
@@ -348,7 +368,8 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         holds = text.constants([*map(float, events.holds)])[k]
         level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
         inputs = _at_surface(work.toward, k) | {"later": _at_surface(work.ahead, k)["rate"]}
-        found = code.apply(AGAIN, k, **inputs, more=again.more, limit=again.limit)
+        so_far = {name: getattr(again, name) for name in ("more", "limit", "hop")}
+        found = code.apply(AGAIN, k, **inputs, **so_far)
         for name in ("acted_at", "pause"):
             getattr(code.line, name)[k] = found.pop(name)
         again.update(found | {"resting": again.resting + stays.select(1.0, 0.0)})

@@ -7,8 +7,6 @@ action moves a state, and makes d2s/dt2 = 0. The body leaves the surface when th
 pull.
 """
 
-from functools import reduce
-
 import numpy as np
 
 from ..expressions.function_records import same
@@ -98,8 +96,10 @@ class Contacts:
         contact, number = self.contacts[k], self.values.number
         s, rests = contact.s, contact.constraint.holds
         way = FAR * (self.time * self.time)
-        # A surface that jumps away from a body at rest also ends the rest.
-        is_on = s * s <= way * way * contact.square + LEAST
+        # A surface that jumps away from a body at rest also ends the rest. The comparison does not
+        # change along flights, where it would end steps.
+        away = rests.select(s, 0.0)
+        is_on = away * away <= way * way * contact.square + LEAST
         surface = rests.select(is_on.select(self.reactions[k], -self.reactions[k]), s)
         stays = rests
         if contact.direction:  # a body that leaves its rest, beyond s by rounding, must not bounce
@@ -116,15 +116,19 @@ class Contacts:
         """
         values, number, time = self.values, self.values.number, self.time
         x = [*x]
-        terms = values.at(x, [a for c in self.contacts.values() for a in (c.s, c.rate)])[1]
-        heights = [LOW * (a + b * time) for a, b in zip(terms[::2], terms[1::2], strict=True)]
-        low = reduce(larger, heights)  # smaller values of s are rounding
-        for k, c in self.contacts.items():
-            rests = c.constraint.holds
-            (s, rate, bend, square), _ = values.at(x, (c.s, c.rate, c.bend, c.square))
+        found, touched = [], number(0.0)
+        for c in self.contacts.values():
+            (s, rate, bend, square), sizes = values.at(x, (c.s, c.rate, c.bend, c.square))
             s, rate, force = abs(s), abs(rate), square.sqrt()
-            of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time)
-            is_on = (s <= low + of_step + LEAST) | (rests & (s <= 2.0 * abs(c.s)))
+            low = LOW * (sizes[0] + sizes[1] * time)  # smaller values of s are rounding
+            of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time) + LEAST
+            # By the rounding of a surface that a body touches it may push other bodies.
+            touched = larger(touched, (s <= low + of_step).select(low, 0.0))
+            found.append((s, rate, bend, force, low, of_step))
+        for (k, c), numbers in zip(self.contacts.items(), found, strict=True):
+            s, rate, bend, force, low, of_step = numbers
+            low, rests = larger(low, touched), c.constraint.holds
+            is_on = (s <= low + of_step) | (rests & (s <= 2.0 * abs(c.s)))
             # The duration of the next bounce, or its height, is below rounding errors.
             is_slow = (2.0 * rate <= force * (SOON * time)) | (0.5 * (rate * rate) <= force * low)
             lands = is_on & (is_slow | (rests & (rate <= 2.0 * abs(c.rate))))

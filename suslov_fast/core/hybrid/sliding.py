@@ -20,13 +20,15 @@ from ..expressions.numpy_evaluation import results_at
 from ..expressions.programs import emitted, folded, program_of, renamed
 from ..expressions.values import Number, joined, operand_of
 from .constraint_forces import Constraint, ExtendedState
-from .contacts import FAR, LEAST, Contact, Contacts, may_be_contact
+from .contacts import FAR, LEAST, SOON, Contact, Contacts, may_be_contact
 from .event_formulas import WITH_GAPS, EventAction, KeyedProgram
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
 ON = 2.0**-44  # a state is on a surface s = 0 if |s| <= ON times the moduli of the terms of s
-NEAR = 2.0**-32  # solutions may slide along all surfaces with |s| up to NEAR times the terms of s
+# Solutions may slide along all surfaces with |s| up to NEAR times the terms of s, or SOON times the
+# time t times the terms of ds/dt.
+NEAR = 2.0**-32
 BARELY = 2.0**-24  # ds/dt on one side of a surface counts as 0 up to BARELY times that on the other
 # The most surfaces (also kinks) and contacts of one f; the most pairs (a, b), also a = b, where
 # mode b changes the rate of mode a, times the number of modes. So 5 modes may change all rates, or
@@ -51,7 +53,8 @@ class _Rates:
         self.count = count = len(pairs)
         # |s| becomes mode * s, < 0 just beyond s = 0; max(mode * s, 0) if f has roots, logs, ...
         self.has_gaps = not {name for name, *_ in f.operations}.isdisjoint(WITH_GAPS[1:])
-        self.size = count + len(touching) + 2 * bool(touching)
+        self.has_clock = bool(touching) or count > 1
+        self.size = count + len(touching) + 2 * self.has_clock
         self.values = values = ExtendedState(D, self.size, P)
         modes = [values.number(D + g) for g in range(count)]
         self.above = [(mode > 0.5).number for mode in modes]
@@ -144,8 +147,8 @@ class SlidingEquations(_Rates):
     size      the number of new components; 0 if no solution slides or rests, or if surfaces or
               pairs of them that depend on one another are too many (`MOST`, `MOST_PAIRS`)
     count     the number of surfaces. Their modes are components D, D + 1, ...; then come modes of
-              contacts. If there are contacts, two more components follow: T / (1 + T), where T is
-              the last requested time, and the time
+              contacts. If there are contacts or several surfaces (`has_clock`), two more
+              components follow: T / (1 + T), where T is the last requested time, and the time
     results   the operands of all rates in `values`
     contacts  {number of an event that is a contact: the component that is its mode}
     actions   `EventAction`s in this order: of each event on a surface, of the mode of each surface
@@ -177,10 +180,18 @@ class SlidingEquations(_Rates):
         self.contacts = {k: contact.mode for k, contact in self.touching.items()}
         f, self.factors, matrix = self.with_sides({})
         rates_of_modes = [0.0] * self.size
+        if self.has_clock:
+            rates_of_modes[-1] = sign
         if self.contacts:
             self.resting = Contacts(self.values, self.touching, self.factors, matrix, sign)
-            f, rates_of_modes[-1] = self.resting.with_pull(f), sign
+            f = self.resting.with_pull(f)
         self.results = f + rates_of_modes
+        of_modes = enumerate(self.surfaces, D)
+        changes = {mode: -self.values.number(s) for mode, s in of_modes}
+        constraints = {mode: self.constraints[mode] for mode in changes}
+        # The state on all surfaces along which it slides, and ds/dt of all surfaces without forces.
+        self.landed = self.values.with_forces(range(D), constraints, changes)[0]
+        self.free = [self.values.dot(slope, self._f({})) for slope in self.slopes]
         all_pairs = combinations(range(self.count), 2)
         self.dependent = [pair for pair in all_pairs if self.depends(*pair)]
         self.toward = [self._toward(g) for g in range(self.count)]
@@ -216,19 +227,19 @@ class SlidingEquations(_Rates):
     def _action_of_mode(self, g):
         """Return the `EventAction` that acts where the mode of surface g ends."""
         number, place = self.values.number, self.D + g
-        s, mode, w = number(self.surfaces[g]), number(place), self.factors[place]
-        slides, slope, jump = self.constraints[place]
+        s, mode, slides = number(self.surfaces[g]), number(place), self.slides[g]
+        w = self.factors[place]
         surface = slides.select(w * (1.0 - w), mode * s)
         x = [*range(self.D + self.size)]
         x[place] = slides.select((w > 0.5).select(1.0, -1.0), mode).number
         # Modes of surfaces whose ds/dt depends on mode g may end with it: they are decided, too.
         others = [h for h in range(self.count) if h != g and self.changes(self.D + h, place)]
         x = self._decided(x, [g, *others, g] if others else [g], at=g)
-        # A state that begins to slide is moved onto the surface, else s drifts from slide to slide.
-        lands, factor = number(x[place]).equals(0.0) & ~slides, s / self.values.dot(slope, jump)
-        for i, a in enumerate(jump):
-            if not same(a, 0.0):
-                x[i] = lands.select(number(i) - factor * number(a), number(i)).number
+        # A state that begins to slide is moved onto its surfaces, else s drifts at each slide.
+        lands = number(x[place]).equals(0.0) & ~slides
+        for i, a in enumerate(self.values.at(x, self.landed)[0]):
+            if not same(self.landed[i], i):
+                x[i] = lands.select(a, number(i)).number
         s, to = (KeyedProgram.of(self.values, a) for a in ([surface.number], x))
         return EventAction(s, to, -1, inf, 2)
 
@@ -255,7 +266,8 @@ class SlidingEquations(_Rates):
         for g in surfaces:
             wanted = self.surfaces[g], *self.toward[g]
             (s, below, above), (size, *_) = self.values.at(x, wanted)
-            mode, is_on = number(x[D + g]), abs(s) <= ON * size + LEAST
+            mode = number(x[D + g])
+            is_on = mode.equals(0.0) | (abs(s) <= ON * size + LEAST)
             part = -BARELY
             if g == at:  # a solution that arrives stays on its side only if f leads away there
                 part, is_on = self.slides[g].select(part, 0.0), self.values.true
@@ -263,10 +275,10 @@ class SlidingEquations(_Rates):
             slides = (below > 0.0) & (above < 0.0)
             new = slides.select(0.0, (below + above >= 0.0).select(1.0, -1.0))
             x[D + g] = (is_on & ~stays).select(new, mode).number
-        return self._together(x, at) if len(surfaces) > 1 else x
+        return self._together(x, surfaces, at) if len(surfaces) > 1 else x
 
-    def _together(self, x, at):
-        """Return the state x (operands) with consistent modes of several surfaces.
+    def _together(self, x, surfaces, at):
+        """Return the state x (operands) with consistent modes of several `surfaces`.
 
         If solutions can slide along all surfaces near x, their modes become 0. So a solution that
         winds into the point where the surfaces meet goes on. But if there are two surfaces, x is on
@@ -280,25 +292,31 @@ class SlidingEquations(_Rates):
         values, number = self.values, self.values.number
         modes = [number(a) for a in x[D : D + n]]
         s, sizes = values.at(x, self.surfaces)
+        rates, time = values.at(x, self.free)[1], number(values.modes[-1])
 
-        def within(part):
-            both = zip(s, sizes, modes, strict=True)
-            near = [mode.equals(0.0) | (abs(a) <= part * b + LEAST) for a, b, mode in both]
+        def within(part, soon=0.0):
+            both = zip(s, sizes, rates, modes, strict=True)
+            near = [
+                mode.equals(0.0) | (abs(a) <= part * size + soon * rate + LEAST)
+                for a, size, rate, mode in both
+            ]
             return [values.true if g == at else a for g, a in enumerate(near)]
 
         def with_modes(modes):
             return [*x[:D], *map(operand_of, modes), *x[D + n :]]
 
-        near, on = within(NEAR), within(ON)
+        near, on = within(NEAR, SOON * time), within(ON)
         sliding = [a.select(0.0, mode) for a, mode in zip(near, modes, strict=True)]
         jumps = [values.dot(c.gradient, c.direction) for c in [*self.constraints.values()][:n]]
         factors = [self.factors[D + g] for g in range(n)]
         results = values.at(with_modes(sliding), [*factors, *jumps])[0]
         can_slide = values.true if at is None else ~self.slides[at]
         for a, w, jump in zip(near, results[:n], results[n:], strict=True):
-            can_slide = can_slide & (~a | ((w >= 0.0) & (w <= 1.0) & (jump <= 0.0)))
+            can_slide = can_slide & (~a | ((w >= 0.0) & (w <= 1.0) & (jump < 0.0)))
         modes = [can_slide.select(a, b) for a, b in zip(sliding, modes, strict=True)]
-        is_right = self._are_consistent(with_modes(modes), on, -BARELY)
+        # Other surfaces do not depend on the new modes; events of their own change their modes.
+        new = [a if g in surfaces else ~values.true for g, a in enumerate(on)]
+        is_right = self._are_consistent(with_modes(modes), new, -BARELY)
         if n == 2:
             count, best, both = number(0.0), modes, on[0] & on[1]
             for pair in product((1.0, -1.0, 0.0), repeat=2):

@@ -15,7 +15,7 @@ from suslov_fast.core.flow import batch_solver, step_length, vector_functions
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
 from suslov_fast.core.flow.code_arguments import NUMBER
 from suslov_fast.core.flow.memory import LaneState
-from suslov_fast.core.flow.weights import EXPLICIT, IMPLICIT, weights
+from suslov_fast.core.flow.weights import IMPLICIT, weights
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -140,7 +140,8 @@ def test_steps_are_those_of_the_formulas(name, stiff):
     field, x0, last = case(name)
     _, f, table = field._right_hand_sides[0]
     settings, compared = batch_solver.Settings(1e-6, stiff=stiff), 0
-    columns = explicit_end, EXPLICIT, 2, batch_solver.integrator_of(f, False, False).sets
+    integrator = batch_solver.integrator_of(f, False, settings)
+    columns = explicit_end, integrator.columns, 2, integrator.sets
     if stiff:
         columns = implicit_end, IMPLICIT, 1, lambda x: f.jacobian(x, table[0])
     for x in x0[np.isfinite(x0).all(axis=1)]:
@@ -254,6 +255,7 @@ def test_stiff_problems(f, x0, last, right, steps):
         assert found.steps <= most
 
 
+@pytest.mark.parametrize("order", [8, 10, 12, 14])
 @pytest.mark.parametrize(
     ("ratio", "of_length", "apart", "most"),
     [
@@ -263,13 +265,14 @@ def test_stiff_problems(f, x0, last, right, steps):
         (1e9, 1e9, 0.0, 0.2),
     ],
 )
-def test_a_step_that_is_refused_is_followed_by_a_shorter_one(ratio, of_length, apart, most):
-    known = dict.fromkeys(step_length.AFTER.inputs, 0.0)
+def test_a_step_that_is_refused_is_followed_by_a_shorter_one(order, ratio, of_length, apart, most):
+    after = step_length.after(order)
+    known = dict.fromkeys(after.inputs, 0.0)
     known |= {"taken": 1.0, "wanted": 1.0, "longer": 1.0, "kept": 1.0, "last": 9.0, "longest": 9.0}
     known |= {"ratio": ratio, "of_length": of_length, "apart": apart, "reach": 1.0}
-    values = dict(enumerate(known[name] for name in step_length.AFTER.inputs))
-    numpy_evaluation.evaluate(step_length.AFTER.operations, values)
-    found = {name: values[place] for name, place in step_length.AFTER.results.items()}
-    expected = min(max(0.75 * of_length ** (-1 / 9), 0.2), most)
+    values = dict(enumerate(known[name] for name in after.inputs))
+    numpy_evaluation.evaluate(after.operations, values)
+    found = {name: values[place] for name, place in after.results.items()}
+    expected = min(max(0.75 * of_length ** (-1 / (order - 1)), 0.2), most)
     assert found["accepted"] == (ratio <= 1.0 and apart <= 50.0)
     assert abs(found["wanted"] / expected - 1) < 0.04

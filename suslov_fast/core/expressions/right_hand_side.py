@@ -35,7 +35,7 @@ class Hybrid(NamedTuple):
     watch: Program | None = None
     double_crossings: Any = None
     aim: Any = None
-    offsets: dict = {}
+    offsets: Any = {}  # noqa: RUF012  (never changed)
 
 
 class RightHandSide:

@@ -22,6 +22,7 @@ from .program_code import TABLE, by_code
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 from .tolerance import floors_of
+from .weights import IMPLICIT, explicit_columns
 
 WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -31,7 +32,7 @@ NO_TIMES = inf, inf  # after the last time: no step reaches these
 # {column of results: the row of a trajectory with its value at the end, and the type of the column}
 COLUMNS = {"steps": ("steps", np.dtype(np.int64))}
 
-integrator_of = functools.lru_cache(64)(Integrator)
+_integrator = functools.lru_cache(64)(Integrator)
 
 
 class Settings(NamedTuple):
@@ -45,6 +46,12 @@ class Settings(NamedTuple):
     atol: Any = None  # None, a number for all components, or a tuple with a number for each
     max_step: float | None = None
     stiff: bool | None = None  # True if all steps are implicit, None if the solver chooses
+
+
+def integrator_of(f, is_implicit, settings, is_relative=False):
+    """Return the `Integrator` of f, explicit or implicit, for the tolerances in `settings`."""
+    columns = IMPLICIT if is_implicit else explicit_columns(settings.rtol, bool(f.hybrid.watch))
+    return _integrator(f, columns, settings.atol is not None, is_relative)
 
 
 def closer(settings):
@@ -86,15 +93,16 @@ def components_of(f, settings):
 
 
 @functools.lru_cache(256)
-def numbers_of(settings, sign):
+def numbers_of(f, settings, sign):
     """Return `SharedNumbers`, which all lanes share, as an array; `sign` of time is 1 or -1."""
+    order = 2 * len(explicit_columns(settings.rtol, bool(f.hybrid.watch)))
     return array("d", SharedNumbers(
         rtol=settings.rtol,
         last=inf,
         sign=sign,
-        part=first_part(settings.rtol),
+        part=first_part(settings.rtol, order),
         longest=inf,
-        limit=limit_of(settings.rtol),
+        limit=limit_of(settings.rtol, order),
         switches=float(settings.stiff is None),
         first_state=float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
         most=MOST_STEPS,
@@ -222,7 +230,7 @@ class BatchSolver:
         self.records, self.doubtful = [], np.zeros(B, bool)
         self.is_stopped, self.event_times = False, None
         integrator = self.integrator(LaneState.EXPLICIT)
-        self.rows, self.numbers = integrator.rows, numbers_of(settings, request.sign)[:]
+        self.rows, self.numbers = integrator.rows, numbers_of(f, settings, request.sign)[:]
         set_times(self.numbers, integrator, settings, self.times)
         if not acts:
             self.numbers[NUMBER.acts] = 0.0
@@ -236,8 +244,8 @@ class BatchSolver:
 
     def integrator(self, mode):
         """Return the `Integrator` for lanes in this `LaneState`, EXPLICIT or IMPLICIT."""
-        has_atol = self.request.settings.atol is not None
-        return integrator_of(self.f, mode == LaneState.IMPLICIT, has_atol, self.is_relative)
+        is_implicit, settings = mode == LaneState.IMPLICIT, self.request.settings
+        return integrator_of(self.f, is_implicit, settings, self.is_relative)
 
     def run(self, threads=1, begun=None):
         """Take all steps, from the start or from `begun`, where `solve_small_batch` stopped.

@@ -1,14 +1,15 @@
 """Dense output: states inside a step, at the requested times.
 
 If a step would pass one requested time, another step ends there (`step_length.LENGTH`). If an
-explicit step has passed several requested times, its first three quarters are computed again, with
-few columns. They end at x_1, x_2 and x_3; x_4 is the next state. With v = 4 (t - t_0) / h, states
-inside are the polynomial p of degree 9 with p(j) = x_j and p'(j) = h / 4 f(x_j), j = 0 ... 4,
+explicit step of order 2 n + 2 has passed several requested times, all but the last of its n parts
+are computed again, with few columns. They end at x_1, x_2, ...; x_n is the next state. With v = n
+(t - t_0) / h, states inside are the polynomial p of degree 2 n + 1 with p(j) = x_j and p'(j) = h /
+n f(x_j), j = 0 ... n,
 
-p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / 4 f(x_j)),
+p(v) = sum_j L_j(v)**2 ((1 - 2 L_j'(j) (v - j)) x_j + (v - j) h / n f(x_j)),
 
 with Lagrange polynomials L_j. Its error is C prod_j (v - j)**2 at first order. The defect p' -
-h / 4 f(p) shows C and the errors of x_j. If it is large, a new step ends at the requested time.
+h / n f(p) shows C and the errors of x_j. If it is large, a new step ends at the requested time.
 """
 
 from math import inf, prod
@@ -20,31 +21,34 @@ from .codegen import larger_of, weighted
 from .memory import LaneState
 from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
-from .weights import EXPLICIT, ORDER, weights
+from .weights import weights
 
-# The largest error of the polynomial p is OF_DEFECT times its defect at TESTS, in quarters of the
-# step. FEW columns give its nodes x_j; one column more is used if FEW columns have an error above
-# OF_FEW allowed errors in the whole step. In the last part AT_END of a step p is accurate.
-FEW, OF_FEW, TESTS, OF_DEFECT, AT_END = ORDER // 4 + 1, 2048.0, (0.2, 3.8), 0.274, 2.0**-30
-# Two sets of weights: for the first FEW columns, and for FEW + 1; all other columns have weight 0.
-WEIGHTS = [np.pad(weights(EXPLICIT[:k], 2), (0, len(EXPLICIT) - k)) for k in (FEW, FEW + 1)]
-_NODES = range(5)
-_SCALES = [prod(j - k for k in _NODES if k != j) for j in _NODES]
-_SLOPES = [2.0 * sum(1.0 / (j - k) for k in _NODES if k != j) for j in _NODES]
+# The largest error of the polynomial p is OF_DEFECT times its defect at TEST parts from the ends of
+# the step, with n = 4, and with n = 5 within 2 percent. In the last part AT_END of a step p is
+# accurate. A part of the step may have an error of PART allowed errors; it is estimated from that
+# of the whole step with the same columns.
+TEST, OF_DEFECT, AT_END, PART = 0.2, 0.274, 2.0**-30, 0.125
 
 
-def weights_at(v):
-    """Return the weights in p(v) - x: of x_j - x, j = 1 ... 4, and of h / 4 f(x_j), j = 0 ... 4.
+def few_of(columns):
+    """Return how many of the columns give nodes; one column more is used if errors are large."""
+    return len(columns) // 2 + 1
 
-    p interpolates the states x_j and rates f(x_j) after j quarters of a step from x, where v = j.
+
+def weights_at(v, n):
+    """Return the weights in p(v) - x: of x_j - x, j = 1 ... n, and of h / n f(x_j), j = 0 ... n.
+
+    p interpolates the states x_j and rates f(x_j) after j parts of a step from x, where v = j.
     """
-    of_states, of_rates = [], []
-    for j in _NODES:
-        product = prod((v - float(k) for k in _NODES if k != j), start=1.0 / _SCALES[j])
+    of_states, of_rates, nodes = [], [], range(n + 1)
+    for j in nodes:
+        others = [k for k in nodes if k != j]
+        slope, scale = 2.0 * sum(1.0 / (j - k) for k in others), prod(j - k for k in others)
+        product = prod((v - float(k) for k in others), start=1.0 / scale)
         square, own = product * product, v - float(j)
         of_rates.append(own * square)
         if j:
-            of_states.append((1.0 - _SLOPES[j] * own) * square)
+            of_states.append((1.0 - slope * own) * square)
     return of_states, of_rates
 
 
@@ -60,8 +64,9 @@ def save_between(code):
     _find_nodes(code)
     _test(code)
     for now in code.text.rounds(Carried()):
-        quarters = 4.0 * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
-        _put_between(code, weights_at(quarters))
+        n = code.integrator.nodes
+        v = float(n) * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
+        _put_between(code, weights_at(v, n))
         save(code, _passed(code, Value.__gt__).bits(), code.work.start)
         now.goes_on = _passed(code, Value.__gt__).any()
 
@@ -106,23 +111,27 @@ def _reached(code):
 
 
 def _find_nodes(code):
-    """Write states and f after quarters of a step to `nodes`."""
+    """Write states and f after parts of a step to `nodes`."""
     text, line, work, D = code.text, code.line, code.work, code.D
-    quarter = 0.25 * (code.number("sign") * work.taken[0])
-    work.signed[0] = _passed(code, Value.__gt__).select(quarter, 0.0)
-    few, more = WEIGHTS
-    of_few = few - weights(EXPLICIT, 2)
+    columns, n = code.integrator.columns, code.integrator.nodes
+    part = (1.0 / n) * (code.number("sign") * work.taken[0])
+    work.signed[0] = _passed(code, Value.__gt__).select(part, 0.0)
+    FEW = few_of(columns)
+    # Two sets of weights: for FEW columns, and for FEW + 1; all other columns have weight 0.
+    pads = [(k, (0, len(columns) - k)) for k in (FEW, FEW + 1)]
+    few, more = (np.pad(weights(columns[:k], 2), pad) for k, pad in pads)
+    of_few = few - weights(columns, 2)
     largest = Carried(ratio=0.0)
     for i in text.each(D, largest):
         error = weighted(of_few, code.of_columns(work.ends, i))
         largest.ratio = larger_of(abs(error) * work.inverse[i], largest.ratio)
-    needs = largest.ratio > OF_FEW
+    needs = largest.ratio > PART * float(n) ** (2 * FEW + 1)
     count = needs.any().bits() + FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
     factors = factors[: FEW + 1]
 
     x, f = line.x, line.f
-    for k in range(3):
+    for k in range(n - 1):
         code.columns(x, f, count)
         node = work.nodes.after(2 * k * D)
         for i in text.each(D):
@@ -138,8 +147,9 @@ def _test(code):
     """Reject the step if interpolation fails: the polynomial is not finite, or not accurate."""
     text, line, work, D = code.text, code.line, code.work, code.D
     sums = Carried(ratio=0.0, total=0.0)
-    for v in TESTS:
-        both = weights_at(complex(v, 2.0**-60))  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
+    n = code.integrator.nodes
+    for v in (TEST, n - TEST):
+        both = weights_at(complex(v, 2.0**-60), n)  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
         _put_between(code, [[weight.real for weight in each] for each in both])
         of_slope = [[weight.imag * 2.0**60 for weight in each] for each in both]
         code.call("f", work.start, code.table, work.f)
@@ -164,7 +174,7 @@ def _test(code):
 def _between(code, weights, i):
     """Return component i of p(v) - x, or of p'(v), by its weights, see `weights_at`."""
     line, work, D = code.line, code.work, code.D
-    nodes = [work.nodes.after(2 * k * D) for k in range(3)]
+    nodes = [work.nodes.after(2 * k * D) for k in range(code.integrator.nodes - 1)]
     x, (of_states, of_rates) = line.x[i], weights
     states = [state[i] - x for state in (*nodes, work.new)]
     rates = [rate[i] for rate in (line.f, *(node.after(D) for node in nodes), work.f_new)]

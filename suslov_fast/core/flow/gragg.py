@@ -25,16 +25,11 @@ from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Array, Code, Index, Shared, Value
 from .codegen import FunctionCode
 from .vector_functions import INLINED
-from .weights import EXPLICIT
+from .weights import lanes_of
 
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
 # saves branches, but longer code would not fit the instruction cache.
 SHORT = 25
-# The columns that each lane takes in turn, by their numbers N of sub-steps, 10 in each lane: (10,),
-# (8, 2), (6, 4). A fourth lane repeats (10,), to fill the register.
-_LAST, *_PAIRED = sorted(EXPLICIT, reverse=True)
-_PAIRS = [(N, _LAST - N) for N in _PAIRED if 2 * N >= _LAST]
-IN_LANES = (_LAST,), *_PAIRS, *[(_LAST,)] * (-(1 + len(_PAIRS)) % 4)
 OF_SETS = "f_a", "f_b"  # functions for the rates of the first and second set of `Integrator.sets`
 
 
@@ -56,7 +51,8 @@ class ExplicitColumns(FunctionCode):
         self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
 
     def add(self):
-        inner, lanes, whole = self.narrower(), Code(len(IN_LANES), self.text.target), None
+        lanes = Code(len(lanes_of(self.integrator.columns)), self.text.target)
+        inner, whole = self.narrower(), None
         if self.f.products and self.text.W == 1 and not self.integrator.sets:
             self.functions["f"].add(lanes, f"{self.name}_lanes", False)
             whole = functools.partial(self.in_lanes, lanes)
@@ -65,7 +61,8 @@ class ExplicitColumns(FunctionCode):
         with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             self.of_a, self.of_b = map(self.text.listed, self.rows)
             if whole is not None:
-                with self.text.when(Index(self.text, "%count").equals(len(EXPLICIT))):
+                count = len(self.integrator.columns)
+                with self.text.when(Index(self.text, "%count").equals(count)):
                     whole()
                     self.text.leave("void")
             self.in_turn(inner)
@@ -97,7 +94,8 @@ class ExplicitColumns(FunctionCode):
     def in_turn(self, inner):
         """Add a loop over pairs of sub-steps, column by column, for lanes of the `Code` `inner`."""
         text, work, D = self.text, self.integrator.work, self.D
-        pairs = [(c, N, m) for c, N in enumerate(EXPLICIT) for m in range(N // 2)]
+        numbered = enumerate(self.integrator.columns)
+        pairs = [(c, N, m) for c, N in numbered for m in range(N // 2)]
         columns = text.constants([c for c, _, _ in pairs])
         inverses = text.constants([1.0 / N for _, N, _ in pairs])
         begins = text.constants([int(m == 0) for _, _, m in pairs])
@@ -122,7 +120,7 @@ class ExplicitColumns(FunctionCode):
                         for i, value in of_b.items():
                             of_work.f_last[i] = value
         if self.integrator.sets:
-            with text.when(Index(text, "%count").equals(len(EXPLICIT))):
+            with text.when(Index(text, "%count").equals(len(self.integrator.columns))):
                 for _, _, lanes, table in self.parts(inner):
                     own = inner.arrays(lanes, work)
                     self.put_rates_at_end(own.a, own.b, table, self.of_b(), own.f_last)
@@ -187,12 +185,13 @@ class ExplicitColumns(FunctionCode):
     def in_lanes(self, lanes):
         """Add code that computes all columns of one trajectory, in lanes of `lanes` (a `Code`).
 
-        So columns that IN_LANES puts side by side share each entry of a matrix of f that is loaded.
+        So columns that `lanes_of` puts side by side share each entry of a matrix that is loaded.
         """
         text, work, D = self.text, self.work, self.D
         x, f, own = text.array("%x"), text.array("%f"), work.lanes.at()
         a, b, rates = (lanes.array(own, k * D) for k in range(3))
-        pairs = ([(N, m) for N in of for m in range(N // 2)] for of in IN_LANES)
+        in_turn = lanes_of(self.integrator.columns)
+        pairs = ([(N, m) for N in of for m in range(N // 2)] for of in in_turn)
         rounds = [*zip(*pairs, strict=True)]
         rows = [[1.0 / N for N, _ in now] for now in rounds]
         rows += [[float(m == 0) for _, m in now] for now in rounds]
@@ -202,7 +201,7 @@ class ExplicitColumns(FunctionCode):
         def of_lane(rows, k):
             return Code(1, text.target, lanes.size).array(rows.at() + 8 * k)
 
-        left = {*EXPLICIT}  # columns that have not ended; a lane may repeat one
+        left = {*self.integrator.columns}  # columns that have not ended; a lane may repeat one
         for r, now in enumerate(rounds):
             s, begins, ends = (numbers[r + len(rounds) * k] for k in range(3))
             s, begins, ends = signed * s, begins > 0.5, ends > 0.5
@@ -218,7 +217,7 @@ class ExplicitColumns(FunctionCode):
             for k, (N, m) in enumerate(now):
                 if 2 * m + 2 == N and N in left:
                     left.remove(N)
-                    first = EXPLICIT.index(N) * D
+                    first = self.integrator.columns.index(N) * D
                     to = work.ends.after(first), work.apart.after(first)
                     self.end(of_lane(a, k), of_lane(b, k), x, *to, *self.loops())
         text.copy(of_lane(a, 0), work.a, D)
@@ -233,7 +232,9 @@ class ExplicitColumns(FunctionCode):
             x, f = ({i: rows[i] for i in range(D)} for rows in (x, f))
             work = inner.arrays(lanes, self.integrator.work)
             h, states = work.signed[0], {}
-            for m, N in ((m, N) for m in range(max(EXPLICIT) // 2) for N in EXPLICIT if 2 * m < N):
+            columns = self.integrator.columns
+            rounds = range(max(columns) // 2)
+            for m, N in ((m, N) for m in rounds for N in columns if 2 * m < N):
                 s = h * (1.0 / N)
                 double, is_end = s + s, 2 * m + 2 == N
                 a, b = states.get(N, ({}, {}))
@@ -244,7 +245,7 @@ class ExplicitColumns(FunctionCode):
                 b = added(b, s if is_end else double, f_last)
                 states[N] = a, b
                 if is_end:
-                    first = EXPLICIT.index(N) * D
+                    first = self.integrator.columns.index(N) * D
                     ends, apart = work.ends.after(first), work.apart.after(first)
                     self.end(a, b, x, ends, apart, *self.rows)
             self.put_rates_at_end(a, b, table, self.rows[1], f_last)

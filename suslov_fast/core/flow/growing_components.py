@@ -22,6 +22,7 @@ with 0 for all components without digits. At an unstable equilibrium `lost` stay
 If all components are RELATIVE, only those below 2**-990 lose digits. Then the alarm is a warning.
 """
 
+import functools
 from math import inf
 
 from ..expressions.values import larger
@@ -32,9 +33,9 @@ from .scalar_kernels import scalar_kernel
 RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to the component's value
 LATER = 1.001  # two computations may end at one pole if their end times have at most this ratio
 # The least exponents a h of growth exp(a h) in a step of length h that count. NEXT, in implicit
-# steps: the next step may be four times as long. LONG, in explicit steps: at this exponent they
-# lose (a h / MOST)**10 = 1e-6 of the growth.
-NEXT, LONG, MOST = 0.25, 2.0, 8.0
+# steps: the next step may be four times as long. LONG, in explicit steps: at this exponent those of
+# order 10 lose (a h / 8)**10 = 1e-6 of the growth. `_lost` has the bases of other orders.
+NEXT, LONG = 0.25, 2.0
 # In each round, trial values u_i of components that do not grow are multiplied by LESS, in the
 # second half of the ROUNDS by LITTLE_LESS, to stop near values with which all components grow.
 LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
@@ -91,10 +92,9 @@ def _some(code, i):
     return OF_IMPLICIT * some if code.integrator.is_implicit else some
 
 
-@scalar_kernel
-def LOST(
+def _lost(
     x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, implicit,
-    lost, watches, near,
+    lost, watches, near, *, order,
 ):  # fmt: skip
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
@@ -107,9 +107,11 @@ def LOST(
     is_small = both * inverse * rtol < SMALL
     rate = _rate(new, f_new, signed)
     part = 1.0 / (keeps > 0.0).select(abs(new), LOOSE * both)  # a division takes long
-    growth = larger(keeps * (rate * part), 0.0) * (1.0 / MOST)
-    fifth = growth * growth * (growth * growth) * growth
-    own = larger(lost, 0.0) + abs(error) * part + fifth * fifth
+    growth = larger(keeps * (rate * part), 0.0) * (1.0 / (3 + order // 2))
+    root = growth * growth * (growth * growth)  # then growth**(order / 2)
+    for _ in range(order // 2 - 4):
+        root = root * growth
+    own = larger(lost, 0.0) + abs(error) * part + root * root
     own = (own > (keeps > 0.0).select(larger(DEEP, 100.0 * rtol), 1.0)).select(1.0, own)
     counts = is_small & ((acts > 0.0) | (abs(new) < UNDERFLOW))
     lost = (counts & _loses(x, new, error, some, lost)).select(own, lost)
@@ -120,6 +122,12 @@ def LOST(
     grows = grows & (abs(new) >= abs(x)) & (lost > PART * many * rtol)
     is_near = grows | ((implicit > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
     return {"watches": larger(lost, watches), "near": is_near.select(1.0, near), "lost": lost}
+
+
+@functools.cache
+def lost_of(order):
+    """Return the scalar kernel `_lost` for steps of this order."""
+    return scalar_kernel(functools.partial(_lost, order=order))
 
 
 @scalar_kernel
@@ -189,7 +197,7 @@ def find_alarms(code):
         inputs = {"some": some, "implicit": float(code.integrator.is_implicit)}
 
         def update(i=i, inputs=inputs):
-            own = code.apply(LOST, i, **inputs, **vars(found))
+            own = code.apply(lost_of(code.integrator.order), i, **inputs, **vars(found))
             line.lost.choose(looks, i, own.pop("lost"))
             return list(own.values())
 

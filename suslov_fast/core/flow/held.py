@@ -101,15 +101,15 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     has columns of derivatives, the last ones belong to the parameters with the numbers `by`.
     """
     modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
-    has_atol, again = settings.atol is not None, batch_solver.closer(settings)
+    again = batch_solver.closer(settings)
     # Integrators with `is_relative` compute motions again, see `growing_components`.
-    both = [(mode, has_atol, is_relative) for is_relative in (False, True) for mode in modes]
+    both = [(mode, each, each is again) for each in (settings, again) for mode in modes]
     integrators = [batch_solver.integrator_of(f, *each) for each in both]
     codes = [batch_solver.code_of(each, 1, f.hybrid.branches is not None) for each in integrators]
     of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
-    rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(settings, 1))
+    rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(f, settings, 1))
     row = np.zeros(rows.size)
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
     at_once, size = 0, size_of(f)
@@ -118,7 +118,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         at_once = 2 * most_records(f.hybrid.events, equal) * size
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
     others = [batch_solver.components_of(f, each) for each in (settings, again)]
-    others += [np.array(batch_solver.numbers_of(again, 1)), times]
+    others += [np.array(batch_solver.numbers_of(f, again, 1)), times]
     ends = np.cumsum([each.size for each in others]).tolist()
     constants = np.concatenate([*others, *parts], axis=None)
     most = max(of_this, *(integrator.work.size for integrator in integrators))

@@ -12,7 +12,7 @@ from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance, vector_functions
 from .memory import rows_of_trajectory, rows_of_work, scalars_of
 from .vector_functions import ProgramFunction
-from .weights import EXPLICIT, IMPLICIT, weights, weights_of_errors
+from .weights import IMPLICIT, weights, weights_of_errors
 
 
 class Integrator:
@@ -45,10 +45,14 @@ class Integrator:
 
     on_new: Any = None  # a function of f and `is_implicit`, called before code is planned
 
-    def __init__(self, f, is_implicit, has_atol, is_relative=False):
+    def __init__(self, f, columns, has_atol, is_relative=False):
+        is_implicit = columns is IMPLICIT
         if Integrator.on_new:
             Integrator.on_new(f.of, is_implicit)
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
+        self.columns, p = columns, 1 if is_implicit else 2
+        self.order = 10 if is_implicit else 2 * len(columns)
+        self.nodes = 4 if is_implicit else len(columns) - 1
         self.is_relative = is_relative
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
         self.watched = f.of.D if f.hybrid.watch else 0
@@ -60,7 +64,6 @@ class Integrator:
         self.events = f.hybrid.events
         self.event_surfaces = f.hybrid.events.surfaces if f.hybrid.events else 0
         self.sets = None if is_implicit else sets_of(f)
-        self.columns, p = (IMPLICIT, 1) if is_implicit else (EXPLICIT, 2)
         self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
         self.error_weights = [factor * w for w in weights_of_errors(self.columns, p)]
         if f.is_dense:
@@ -153,4 +156,4 @@ class Integrator:
     @cached_property
     def key(self):
         """A tuple that identifies the code of this integrator."""
-        return self.f.key, self.is_implicit, self.has_atol, self.is_relative, self.sets is None
+        return self.f.key, self.columns, self.has_atol, self.is_relative, self.sets is None

@@ -8,6 +8,7 @@ from collections import namedtuple
 from itertools import accumulate, pairwise
 
 from ..hybrid.event_formulas import OF_SURFACE
+from .weights import lanes_of
 
 
 class LaneState:
@@ -89,6 +90,7 @@ def rows_of_work(integrator):
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces
     of_ends, is_implicit = len(integrator.columns) * D, integrator.is_implicit
     has_slopes = chooses and f.hybrid.branches.jumps and f.columns
+    in_lanes = 4 if is_implicit else len(lanes_of(integrator.columns))
     return _first_rows(
         line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`
         own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
@@ -101,9 +103,9 @@ def rows_of_work(integrator):
         ends=of_ends,  # y_c - x, with the ends y_c of columns
         # Sums that show steps to a false end: one for each explicit column, or one if implicit.
         apart=D if is_implicit else of_ends,
-        # States after the first three quarters of an explicit step, with f. In an implicit step:
-        # the states minus x, then the sums over columns that become these states.
-        nodes=6 * D,
+        # States inside an explicit step, with f (`dense_output`). In an implicit step: the states
+        # at its quarters minus x, then the sums over columns that become these states.
+        nodes=2 * (integrator.nodes - 1) * D,
         beside=6 * extended,  # of `second_trial`: f at a point, the point, changes of f near it
         new=D,  # the next state
         f_new=extended,  # f at the next state, then denominators that may not change sign
@@ -154,9 +156,10 @@ def rows_of_work(integrator):
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
         tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
-        lanes=4 * (2 * D + extended) * bool(f.products),  # states and rates, see `gragg.in_lanes`
+        # States and rates, see `gragg.in_lanes`.
+        lanes=in_lanes * (2 * D + extended) * bool(f.products),
         scratch=max(each.scratch for each in integrator.functions.values())
-        * (4 if f.products else 1),
+        * (in_lanes if f.products else 1),
     )
 
 

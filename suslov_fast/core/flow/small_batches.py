@@ -24,7 +24,7 @@ class _PreparedRunner(batch_solver.StepRunner):
     source = moduli = event_times = None
 
     def __init__(self, f, settings, sign, B, for_each):
-        integrator = batch_solver.integrator_of(f, bool(settings.stiff), settings.atol is not None)
+        integrator = batch_solver.integrator_of(f, bool(settings.stiff), settings)
         self.begins_with, places, count = integrator, integrator.rows, B * integrator.rows.size
         shape = (B, len(f.table)) if for_each else (len(f.table),)
         both = np.zeros(count + math.prod(shape))
@@ -40,7 +40,8 @@ class _PreparedRunner(batch_solver.StepRunner):
         first = both.copy()  # the content with which each call begins
         self.first_table = first[count:].reshape(shape)
         self.now, self.first = both.data, first.data  # Python copies `data` faster than NumPy does
-        W, numbers = 1 if B == 1 else batch_solver.WIDTH, batch_solver.numbers_of(settings, sign)[:]
+        W = 1 if B == 1 else batch_solver.WIDTH
+        numbers = batch_solver.numbers_of(f, settings, sign)[:]
         components = batch_solver.components_of(f, settings)
         super().__init__(integrator, W, rows, table, numbers, components)
 
@@ -100,8 +101,8 @@ def solve_small_batch(f, table, x0, request):
         ends = runner.state.tolist()
         if B > 1 or ends[0] >= LaneState.DONE:
             break
-        own = runner.integrator  # the trajectory turns to the other integrator
-        runner.use(batch_solver.integrator_of(f, not own.is_implicit, own.has_atol))
+        is_implicit = not runner.integrator.is_implicit  # it turns to the other integrator
+        runner.use(batch_solver.integrator_of(f, is_implicit, request.settings))
     states = np.ndarray((count, B, f.D), np.float64, states)
     if ends.count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
         own = runner.table.copy() if f.hybrid.branches else None

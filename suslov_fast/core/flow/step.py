@@ -21,7 +21,7 @@
 
    f_next is finite, and components keep the signs that the equations keep. Accepted or not,
 
-       h_next = 0.75 ratio**(-1/9) h.
+       h_next = 0.75 ratio**(-1 / (order - 1)) h,     with 1/9 in implicit steps.
 
 5. Choice of the explicit or the implicit integrator for the next step (`step_length`).
 
@@ -110,7 +110,7 @@ def _estimate_errors(code, kept, sizes):
 def _accept(code, errors, t):
     """Decide which lanes accept the step, also in `errors`, and how long the next step is."""
     line, work = code.line, code.work
-    found = code.apply(step_length.AFTER, **errors, last=code.goal())
+    found = code.apply(step_length.after(code.integrator.order), **errors, last=code.goal())
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
     code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
     if code.integrator.events:  # a step cut at an event's given time does not shorten the next step

@@ -1,9 +1,9 @@
 """The length of the next step, and which integrator takes it.
 
-The error estimate of an explicit step of order 10 is of order 9. So the next length is this length
-times SAFETY ratio**(-1/9), within 5.1 percent, by the bits of the ratio. A rejected step is
-repeated with the next length, and the step after that is not longer. If f has a layer thinner than
-the sub-steps, all columns may agree on a wrong end; then the step is false. A sum shows this
+The error estimate of an explicit step is one order lower. So the next length is this length times
+SAFETY ratio**(-1 / (order - 1)), within 5 to 9 percent, by the bits of the ratio. A rejected step
+is repeated with the next length, and the step after that is not longer. If f has a layer thinner
+than the sub-steps, all columns may agree on a wrong end; then the step is false. A sum shows this
 (`step`).
 
 If the next step would pass one requested time, a step from the same state ends there first. It is
@@ -18,6 +18,7 @@ implicit steps power iteration on f' finds |mu|. A lane is explicit again after 
 h |mu| < 2 limit.
 """
 
+import functools
 from math import inf, sqrt
 
 from ..expressions.elementary import from_bits
@@ -25,11 +26,11 @@ from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
 from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
-from .weights import ORDER
 
-# Factors from a length to the next: SAFETY ratio**(-1/9), but at least SHORTER, and at most LONGER,
-# AT_FIRST, AFTER_REFUSED, or AFTER_TRIAL, which also marks a step after a second trial. OF_NAN is
-# the factor if f has no value, or a sign is lost; with many digits no step meets a time twice.
+# Factors from a length to the next: SAFETY ratio**(-1 / (order - 1)), at least SHORTER, at most
+# LONGER, AT_FIRST, AFTER_REFUSED, or AFTER_TRIAL, which also marks a step after a second trial.
+# OF_NAN is the factor if f has no value, or a sign is lost; with many digits no step meets a time
+# twice.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
@@ -49,14 +50,14 @@ PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
 OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
 
 
-def first_part(rtol):
+def first_part(rtol, order):
     """Return the relative change of x in the first step: 5 rtol**(1/8) for order 10; at most 1."""
-    return min(FIRST_PART * _root(rtol), 1.0)
+    return min(FIRST_PART * _root(rtol, order), 1.0)
 
 
-def limit_of(rtol):
+def limit_of(rtol, order):
     """Return the h |mu| above which a step of length h looks stiff; mu are eigenvalues of f'."""
-    return min(max(17.0 * _root(rtol), 1.4), 4.8)
+    return min(max(17.0 * _root(rtol, order), 1.4), 4.8)
 
 
 def _halvings(order):
@@ -71,10 +72,10 @@ def _halvings(order):
     return found
 
 
-def _root(a):
-    """Return a**(1 / (ORDER - 2)), the exponent rounded to a multiple of 1/64."""
+def _root(a, order):
+    """Return a**(1 / (order - 2)), the exponent rounded to a multiple of 1/64."""
     result = 1.0
-    for k, sign in _halvings(ORDER - 2):
+    for k, sign in _halvings(order - 2):
         root = a
         for _ in range(k):
             root = sqrt(root)
@@ -147,12 +148,12 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     return {"taken": taken, "signed": signed, "aside": is_aside.select(1.0, 0.0)}
 
 
-def _factor(ratio):
-    """Return ratio**(-1 / (ORDER - 1)), within 5.1 percent for order 10 and factors of 0.2 to 4.
+def _factor(ratio, order):
+    """Return ratio**(-1 / (order - 1)), within 9 percent for factors of 0.2 to 4; 5.1 for order 10.
 
     The bits of a number are nearly its logarithm; 0.05 makes the errors of both signs equal.
     """
-    halvings = _halvings(ORDER - 1)
+    halvings = _halvings(order - 1)
     exponent = sum(sign / 2**k for k, sign in halvings)
     bits = from_bits(round((1023 * (1 + exponent) - 0.05) * 2**52))
     for k, sign in halvings:
@@ -166,10 +167,9 @@ def _is_false(ratio, apart):
     return (apart > MOST_APART) & (ratio <= 1.0)
 
 
-@scalar_kernel
-def AFTER(
+def _after(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
-    of_length, reach, last, longest,
+    of_length, reach, last, longest, *, order,
 ):  # fmt: skip
     """Decide whether a step is accepted, and whether a step aside is; return the rows after it."""
     is_finite = total < inf
@@ -179,7 +179,7 @@ def AFTER(
     # Operations that do not need the factor come first, because the others wait for the factor.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
-    factor = sees.select(larger(smaller(SAFETY * _factor(of_length), most), SHORTER), OF_NAN)
+    factor = sees.select(larger(smaller(SAFETY * _factor(of_length, order), most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = is_active & ~served
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
@@ -196,6 +196,12 @@ def AFTER(
         "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),
     }
+
+
+@functools.cache
+def after(order):
+    """Return the scalar kernel `_after` of steps of this order."""
+    return scalar_kernel(functools.partial(_after, order=order))
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):

@@ -5,10 +5,11 @@ an expansion in (h / N_c)**p. Weights that cancel the first terms (Aitken and Ne
 
 x_next = x + sum_c w_c (y_c - x),     w_c = prod_{b != c} N_c**p / (N_c**p - N_b**p).
 
-The explicit integrator has p = 2 and the order ORDER (`gragg`). The implicit integrator has p = 1;
-its seven columns have order 7 and R(inf) = 0, and are stable in a sector of 89.9 degrees
-(`linearly_implicit`). The sum of the moduli of their weights, which multiplies rounding errors, is
-121. With N_c = 2, 3, ..., 9 it would be 9851.
+The explicit integrator has p = 2, and with n columns the order 2 n (`gragg`). The implicit
+integrator has p = 1; its seven columns have order 7 and R(inf) = 0, and are stable in a sector of
+89.9 degrees (`linearly_implicit`). The sum of the moduli of weights multiplies rounding errors. It
+is 13 for OF_10 and OF_12; with N_c = 2, 4, ..., 12 it would be 26. It is 121 for IMPLICIT; with N_c
+= 2, 3, ..., 9 it would be 9851.
 """
 
 from math import prod
@@ -16,8 +17,35 @@ from math import prod
 IMPLICIT = 2, 3, 4, 6, 8, 12, 16
 QUARTERS = 4, 8, 12, 16  # implicit columns with sub-steps that end at 1/4, 1/2 and 3/4 of a step
 
-EXPLICIT = 2, 4, 6, 8, 10
-ORDER = 2 * len(EXPLICIT)
+OF_10, OF_12 = (2, 4, 6, 8, 10), (2, 4, 6, 8, 10, 14)
+CLOSE = 1e-10  # the largest rtol with order 12
+
+
+def explicit_columns(rtol, has_surfaces):
+    """Return the numbers N of sub-steps in explicit columns: OF_10, or OF_12 if rtol is small.
+
+    At equal errors OF_12 takes 5 to 25 percent fewer evaluations of f below 1e-11, but up to 20
+    percent more above 1e-9. If steps may end on surfaces, the order is 10, for which the search for
+    hidden crossings was measured: it needs steps that are not longer.
+    """
+    return OF_12 if rtol <= CLOSE and not has_surfaces else OF_10
+
+
+def lanes_of(columns):
+    """Return the columns that each lane takes in turn, by their numbers N of sub-steps.
+
+    The numbers in a lane have the largest N as their sum: (10,), (8, 2), (6, 4) for five columns. A
+    lane may repeat a column, and further lanes repeat the longest, to fill the register.
+    """
+    last, lanes, left = max(columns), [], sorted(columns, reverse=True)
+    while left:
+        rest, own = last, []
+        while rest:
+            fits = [N for N in left if N <= rest] or [N for N in columns if N <= rest]
+            own.append(max(fits))
+            rest, left = rest - own[-1], [N for N in left if N != own[-1]]
+        lanes.append(tuple(own))
+    return *lanes, *[(last,)] * (-len(lanes) % 4)
 
 
 def weights(columns, p):

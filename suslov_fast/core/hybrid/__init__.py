@@ -1,1 +1,1 @@
-"""Hybrid dynamics as formulas: branches of f, surfaces, events and their actions, sliding and contacts."""
+"""Hybrid dynamics as formulas: branches of f, surfaces, events, actions, sliding and contacts."""

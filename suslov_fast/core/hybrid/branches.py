@@ -143,9 +143,10 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
     `results` are operands in `values`, functions of the state and P parameters. The branches, and
-    the start values of clocks, become further parameters of f. `by` are the parameters with respect to which f is differentiated, too. `twice` is True if
-    columns of derivatives join the state later (`variational`). `actions` are `EventAction`s: first
-    those of events on surfaces, then those of events at times.
+    the start values of clocks, become further parameters of f. `by` are the parameters with respect
+    to which f is differentiated, too. `twice` is True if columns of derivatives join the state
+    later (`variational`). `actions` are `EventAction`s: first those of events on surfaces, then
+    those of events at times.
     """
     elapsed, D = ElapsedTime(values, results, P, actions), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P

@@ -15,7 +15,7 @@ from suslov_fast.core.flow import batch_solver, step_length, vector_functions
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
 from suslov_fast.core.flow.code_arguments import NUMBER
 from suslov_fast.core.flow.memory import LaneState
-from suslov_fast.core.flow.weights import IMPLICIT, weights
+from suslov_fast.core.flow.weights import implicit_columns, weights
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -143,7 +143,8 @@ def test_steps_are_those_of_the_formulas(name, stiff):
     integrator = batch_solver.integrator_of(f, False, settings)
     columns = explicit_end, integrator.columns, 2, integrator.sets
     if stiff:
-        columns = implicit_end, IMPLICIT, 1, lambda x: f.jacobian(x, table[0])
+        numbers = implicit_columns(settings.rtol)
+        columns = implicit_end, numbers, 1, lambda x: f.jacobian(x, table[0])
     for x in x0[np.isfinite(x0).all(axis=1)]:
         tried = attempts(f, table[0], x, last, settings)
         for (t, before), (later, after) in itertools.islice(itertools.pairwise(tried), 16):

@@ -22,7 +22,7 @@ from .program_code import TABLE, by_code
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 from .tolerance import floors_of
-from .weights import IMPLICIT, explicit_columns
+from .weights import explicit_columns, implicit_columns
 
 WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -50,8 +50,9 @@ class Settings(NamedTuple):
 
 def integrator_of(f, is_implicit, settings, is_relative=False):
     """Return the `Integrator` of f, explicit or implicit, for the tolerances in `settings`."""
-    columns = IMPLICIT if is_implicit else explicit_columns(settings.rtol, bool(f.hybrid.watch))
-    return _integrator(f, columns, settings.atol is not None, is_relative)
+    explicit = explicit_columns(settings.rtol, bool(f.hybrid.watch))
+    columns = implicit_columns(settings.rtol) if is_implicit else explicit
+    return _integrator(f, is_implicit, columns, settings.atol is not None, is_relative)
 
 
 def closer(settings):

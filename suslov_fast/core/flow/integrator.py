@@ -12,7 +12,7 @@ from ..llvm.sparse_solver import add_factors, add_solution
 from . import tolerance, vector_functions
 from .memory import rows_of_trajectory, rows_of_work, scalars_of
 from .vector_functions import ProgramFunction
-from .weights import IMPLICIT, weights, weights_of_errors
+from .weights import weights, weights_of_errors
 
 
 class Integrator:
@@ -23,7 +23,8 @@ class Integrator:
                  the entries of f', `factor` for 1 - s f', and `solve`
     sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
                  then `f_a` and `f_b` are the rates of each set
-    columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
+    columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`; see
+                 `weights.explicit_columns` and `weights.implicit_columns`
     has_atol     True if allowed errors do not depend on the sizes of other components
     is_relative  True if allowed errors of some components (RELATIVE in `lost`) are relative to them
     parts        (first component, how many) of x and of derivatives, which have different sizes:
@@ -45,8 +46,7 @@ class Integrator:
 
     on_new: Any = None  # a function of f and `is_implicit`, called before code is planned
 
-    def __init__(self, f, columns, has_atol, is_relative=False):
-        is_implicit = columns is IMPLICIT
+    def __init__(self, f, is_implicit, columns, has_atol, is_relative=False):
         if Integrator.on_new:
             Integrator.on_new(f.of, is_implicit)
         self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
@@ -156,4 +156,5 @@ class Integrator:
     @cached_property
     def key(self):
         """A tuple that identifies the code of this integrator."""
-        return self.f.key, self.columns, self.has_atol, self.is_relative, self.sets is None
+        of_code = self.has_atol, self.is_relative, self.sets is None
+        return self.f.key, self.is_implicit, self.columns, *of_code

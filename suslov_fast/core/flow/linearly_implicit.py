@@ -32,7 +32,7 @@ from ..llvm.text import Carried, Index
 from .codegen import FunctionCode, larger_of
 from .scalar_kernels import TINY, scalar_kernel
 from .step_length import MOST_APART
-from .weights import IMPLICIT, QUARTERS, weights
+from .weights import QUARTERS, weights
 
 SMALLEST_SCALE = 2.0**-60
 # Factor of errors found with f' of a step's end: they are too small, as f' still decreases there.
@@ -64,9 +64,10 @@ class ImplicitColumns(FunctionCode):
     def add(self):
         text, work = self.text, self.work
         with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
-            lengths = text.constants(IMPLICIT)
-            inverses = text.constants([1.0 / N for N in IMPLICIT])
-            of_rates = [N * w for N, w in zip(IMPLICIT, weights(IMPLICIT, 1), strict=True)]
+            columns, own = self.integrator.columns, self.integrator.weights
+            lengths = text.constants(columns)
+            inverses = text.constants([1.0 / N for N in columns])
+            of_rates = [N * w for N, w in zip(columns, own, strict=True)]
             of_rates = text.constants(of_rates)
             if self.integrator.read:
                 self.begin_quarters()
@@ -105,14 +106,15 @@ class ImplicitColumns(FunctionCode):
     def begin_quarters(self):
         """Begin sums for states at quarters of the step; list which sub-steps end at a quarter."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
+        columns = self.integrator.columns
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
-            for N in IMPLICIT
+            for N in columns
             for m in range(1, N)
         ]
         self.numbers = self.text.constants(numbers)
-        self.firsts = self.text.constants([sum(IMPLICIT[:c]) - c for c in range(len(IMPLICIT))])
-        self.of_quarters = self.text.constants([own.get(N, 0.0) for N in IMPLICIT])
+        self.firsts = self.text.constants([sum(columns[:c]) - c for c in range(len(columns))])
+        self.of_quarters = self.text.constants([own.get(N, 0.0) for N in columns])
         self.sums = self.work.nodes.after(3 * self.D)
         self.text.fill(self.sums, 3 * self.D, lambda: 0.0)
 
@@ -132,7 +134,7 @@ def find_apart(code):
 def find_apart_at_end(code, errors):
     """Return the test of false steps, `apart`, in which f' at the end of the step counts, too."""
     text, work, D = code.text, code.work, code.D
-    s = work.signed[0] * (1.0 / IMPLICIT[-1])
+    s = work.signed[0] * (1.0 / code.integrator.columns[-1])
     text.fill(work.a, D, add, work.new, work.right)
     code.call("f", work.a, code.table, work.b)
     differs = Carried(differs=0.0)

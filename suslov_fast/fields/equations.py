@@ -12,7 +12,7 @@ from ..core.cached import cached_property
 from ..core.expressions.dense_product import expanded, roll
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
-from ..core.expressions.programs import in_order
+from ..core.expressions.programs import in_order, needed_for
 from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .symbolic import Tracer
@@ -40,20 +40,38 @@ class Equations:
         H: Any = None,
         K: Any = None,
         ratios: Mapping[float, Fraction] | None = None,
+        quantities: Mapping[str, Sequence[Any]] | None = None,
     ) -> None:
         self.names, self.parameters, self.K = tuple(names), tuple(parameters), K
         self.ratios = dict(ratios or {})
         roll(values)
-        values, operands = in_order(values, [*results, *([] if H is None else [H])])
+        quantities = quantities or {}
+        others = [*([] if H is None else [H]), *(a for of in quantities.values() for a in of)]
+        values, operands = in_order(values, [*results, *others])
         self.products = values, operands[: len(results)]
-        self.H = None if H is None else operands[-1]
+        self.H = None if H is None else operands[len(results)]
+        self._others = operands[len(operands) - sum(map(len, quantities.values())) :]
+        self.sizes = {name: len(of) for name, of in quantities.items()}
 
     @cached_property
     def _written(self) -> tuple[Any, list[Any]]:
-        return expanded(*self.products)
+        values, results = self.products
+        return expanded(values, [*results, *self._others])
 
     values = property(lambda self: self._written[0])
-    results = property(lambda self: self._written[1])
+    results = property(lambda self: self._written[1][: len(self.names)])
+
+    @cached_property
+    def quantities(self) -> dict[str, list[Any]]:
+        """The operands of functions of the state, by name."""
+        rest = iter(self._written[1][len(self.names) :])
+        return {name: [next(rest) for _ in range(size)] for name, size in self.sizes.items()}
+
+    @cached_property
+    def invariants(self) -> tuple[int, list[Any]]:
+        """The number of constraints, and the operands of constraints, then of first integrals."""
+        constraints = self.quantities.get("residuals", [])
+        return len(constraints), [*constraints, *self.quantities.get("conserved", [])]
 
     @property
     def all_names(self) -> tuple[str, ...]:
@@ -64,7 +82,8 @@ class Equations:
         """The equations as a text that does not depend on names, for ==."""
         sizes = len(self.names), len(self.parameters)
         values, results = self.products
-        return repr((sizes, values.operations, results, self.H, self.K))
+        others = (self.sizes, self._others) if self.sizes else ()
+        return repr((sizes, values.operations, results, self.H, self.K, *others))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Equations) and self._identity == other._identity
@@ -90,6 +109,7 @@ class Equations:
     def texts(self) -> tuple[dict[str, str], list[str]]:
         """The definitions, and the texts of f; of a Hamiltonian field, the text of H."""
         results = self.results if self.H is None else [self.H]
+        results = [*results, *(a for of in self.quantities.values() for a in of)]
         return written(self.values, results, self.all_names, self.ratios)
 
     def shown(self, operand: Any) -> str:
@@ -98,20 +118,34 @@ class Equations:
 
     def energy(self, x: Any, parameters: Any) -> Any:
         """Return H (...) at states (D, ...)."""
-        values, (H,) = in_order(self.values, [self.H])
+        return self.at([self.H], x, parameters)[0]
+
+    def at(self, operands: Sequence[Any], x: Any, parameters: Any) -> list[Any]:
+        """Return the values (...) of operands at states (D, ...)."""
+        values, operands = in_order(self.values, operands)
         numbers = dict(enumerate([*x, *parameters]))
         with np.errstate(all="ignore"):
             evaluate(values.operations, numbers)
-        return H if isinstance(H, float) else numbers[H]
+        return [a if isinstance(a, float) else numbers[a] for a in operands]
 
 
 def of_hamiltonian(
-    tracer: Tracer, names: Sequence[str], parameters: Sequence[str], energy: Any, matrix: Any
+    tracer: Tracer,
+    names: Sequence[str],
+    parameters: Sequence[str],
+    energy: Any,
+    matrix: Any,
+    quantities: Mapping[str, Sequence[Any]] | None = None,
 ) -> Equations:
     """Return the equations x' = K grad H, for the operand `energy` of H and the entries of K."""
     # H alone determines the order of operations: so an H read from a text has the same gradient.
-    values, [H] = in_order(tracer.values, [energy])
-    [slopes] = gradients(values, [*values.operations], [H], len(names))
+    quantities = quantities or {}
+    others = [a for of in quantities.values() for a in of]
+    values, [H, *others] = in_order(tracer.values, [energy, *others])
+    rest = iter(others)
+    quantities = {name: [next(rest) for _ in of] for name, of in quantities.items()}
+    of_H = needed_for(values.operations, [H]) if quantities else [*values.operations]
+    [slopes] = gradients(values, of_H, [H], len(names))
     rows: list[Any] = [None] * len(names)  # None, because 0 is the number of the first variable
     for i, j, c in matrix.T:
         if j in slopes:
@@ -120,7 +154,7 @@ def of_hamiltonian(
     entries = tuple((int(i), int(j), Fraction(c)) for i, j, c in matrix.T)
     ratios = tracer.ratios | {float(c): c for _, _, c in entries if float(c) != c}
     rates = [0.0 if row is None else row for row in rows]
-    return Equations(names, parameters, values, rates, H, entries, ratios)
+    return Equations(names, parameters, values, rates, H, entries, ratios, quantities)
 
 
 def check_equalities(values: Any, names: Sequence[str], rows: Sequence[Any]) -> None:

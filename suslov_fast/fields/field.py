@@ -14,13 +14,14 @@ from ..checks import FloatArray, arguments_of, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
-from . import coefficients, right_hand_sides
+from . import coefficients, invariants, lagrangian, right_hand_sides
 from .base import Body, frozen
 from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
 from .names import check_for_map, variables
 from .right_hand_sides import Actions, Names, OfMembers
+from .subsystem import subsystem
 from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
 from .trace import check_callable, check_function, operands_of_function
@@ -110,7 +111,7 @@ class Field(Traced):
     """
 
     _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1}
-    _texts: ClassVar[tuple[str, ...]] = (*Traced._texts, "H")
+    _texts: ClassVar[tuple[str, ...]] = (*Traced._texts, "H", "quantities")
     _called: ClassVar[str] = "a field"
     _arrow: ClassVar[str] = "' ="
 
@@ -192,6 +193,89 @@ class Field(Traced):
         tracer, [energy] = operands_of_function("H", H, names, values)
         equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, NAMES: names, EQUATIONS: equations})
+
+    @classmethod
+    @public
+    def from_lagrangian(
+        cls,
+        L: Callable[..., Any],
+        /,
+        coordinates: int | str | Sequence[str],
+        velocities: str | Sequence[str] = "",
+        *,
+        constraints: Callable[..., Any] | None = None,
+        forces: Callable[..., Any] | None = None,
+        frame: Callable[..., Any] | None = None,
+        algebra: Any = None,
+        **parameters: Any,
+    ) -> Field:
+        """Return the equations of motion of a mechanical system, with constraints or without.
+
+        They are the equations of Lagrange and d'Alembert, d/dt L_v - L_q = Q + A^T lambda, where
+        the multipliers lambda hold the constraints, and A has their derivatives with respect to v.
+        The state has all coordinates q, then all velocities v, then time t if a function takes it.
+
+        Parameters
+        ----------
+        L : callable
+            Takes q and v, arrays of n symbols, then t if L depends on time, and parameters by
+            name; returns kinetic minus potential energy.
+        coordinates, velocities : str or sequence of str
+            Names of the n coordinates, and of the velocities; by default "vx vy" for "x y".
+        constraints : callable, optional
+            Takes the arguments of L, and returns k expressions that are 0 along the motion. One
+            without v is holonomic. The others are usually linear in v; if not, reactions follow
+            Chetaev's rule. Initial states must satisfy all of them, also the derivatives of
+            holonomic ones: `projected` moves a state there. Each step of a motion keeps all
+            constraints to rounding.
+        forces : callable, optional
+            The n generalised forces Q.
+        frame : callable, optional
+            Takes the arguments of L, and returns q', linear in m velocities u with the names
+            `velocities`: a moving frame. Then all functions take (q, u) in place of (q, v).
+        algebra : str or array_like(shape=(m, m, m)), optional
+            "so3", "se3", or structure constants c of the frame, [e_i, e_j] = sum_k c_ijk e_k, for
+            the equations of Hamel, or of Euler and Poincare. For "so3" and "se3", u are angular
+            velocities, then velocities, in the axes of the body; a vector q fixed in space has the
+            rate q x Omega.
+        **parameters : float or array_like(float, shape=(...))
+            As for a :class:`Field`; each function takes those that it names.
+
+        Returns
+        -------
+        Field
+            Its methods `energy`, `momenta`, `residuals`, `multipliers`, `reactions` and `projected`
+            take states.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for a :class:`Field`; also if constraints depend on one another.
+
+        Examples
+        --------
+        A knife edge on an inclined plane slides sideways, and does not descend:
+
+        >>> import numpy as np
+        >>> from suslov_fast import Field, flow
+        >>> edge = Field.from_lagrangian(
+        ...     lambda q, v: (v @ v) / 2 - q[0],
+        ...     "x y angle",
+        ...     constraints=lambda q, v: v[0] * np.sin(q[2]) - v[1] * np.cos(q[2]),
+        ... )
+        >>> motion = flow(edge, [0, 0, 0, 0, 0, 1], time=np.pi)  # omega = 1: x = -sin(t)**2 / 2
+        >>> motion.states[0, :2].round(9) + 0.0
+        array([ 0.        , -1.57079633])
+        """
+        q, u = lagrangian.names_of(coordinates, velocities, frame is not None)
+        functions = {"L": L, "constraints": constraints, "forces": forces}
+        functions |= {"frame": frame}
+        values = named_parameters(parameters, [*q, *u])
+        found = lagrangian.of_lagrangian(functions, q, u, values, algebra)
+        tracer, names, rows, quantities = found
+        names = variables(names)
+        check_equalities(tracer.values, names, rows)
+        return cls._of(parts_of(tracer, names, rows, values, quantities))
 
     @classmethod
     @public
@@ -341,6 +425,8 @@ class Field(Traced):
         >>> float(well.energy([2.0, 1.0]))
         6.5
         """
+        if self._equations is not None and "energy" in self._equations.sizes:
+            return self._quantity("energy", x)[..., 0]
         if not self._is_hamiltonian:
             raise TypeError(
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
@@ -350,6 +436,109 @@ class Field(Traced):
         shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
         energies = self._equations.energy(np.moveaxis(x, -1, 0), self._inputs)
         return np.broadcast_to(energies, shape) + 0.0 * x.sum(axis=-1)  # NaN for states with NaN
+
+    @public
+    def subsystem(self, names: str | Sequence[str], **held: float) -> Field:
+        """Return the equations of some variables, whose rates do not depend on the others.
+
+        Parameters
+        ----------
+        names : str or sequence of str
+            Names of the variables to keep. Dependence on others is tested at random states.
+        **held : float
+            Values of other variables, such as that of a velocity that a constraint keeps at 0.
+
+        Returns
+        -------
+        Field
+
+        Examples
+        --------
+        >>> from suslov_fast import Field
+        >>> Field(lambda x: (-x[0], x[0] * x[1]), "x y").subsystem("x")
+        Field(x' = -x)
+        """
+        names = variables(names)
+        equations = subsystem(self, names, held)
+        return type(self)._of({**self.parameters, NAMES: names, EQUATIONS: equations})
+
+    def _quantity(self, name: str, x: Any) -> FloatArray:
+        """Return values (..., n) of a quantity of mechanics at states x."""
+        if self._equations is None or name not in self._equations.sizes:
+            how = "Field.from_lagrangian(L, names, constraints=...) makes one"
+            raise TypeError(f"system: this field has no {name}: {how}")
+        x = checks.states("x", x, self.names)
+        shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
+        operands = self._equations.quantities[name]
+        rows = self._equations.at(operands, np.moveaxis(x, -1, 0), self._inputs)
+        zero = 0.0 * x.sum(axis=-1)  # NaN for states with NaN
+        return np.stack([np.broadcast_to(row, shape) + zero for row in rows], axis=-1)
+
+    @public
+    def momenta(self, x: Any) -> FloatArray:
+        """Return the momenta L_v (..., n) of a field from :meth:`from_lagrangian` at states x."""
+        return self._quantity("momenta", x)
+
+    @public
+    def residuals(self, x: Any) -> FloatArray:
+        """Return phi of all constraints, then g of holonomic ones, (..., k) at states x."""
+        return self._quantity("residuals", x)
+
+    @public
+    def multipliers(self, x: Any) -> FloatArray:
+        """Return the multipliers lambda (..., k) of the constraints at states x."""
+        return self._quantity("multipliers", x)
+
+    @public
+    def reactions(self, x: Any) -> FloatArray:
+        """Return the forces of reaction A^T lambda (..., n) along all coordinates at states x."""
+        return self._quantity("reactions", x)
+
+    @public
+    def projected(self, x: Any, steps: int = 8) -> FloatArray:
+        """Return states on the constraints, near the states x in the metric of the masses."""
+        x = np.array(checks.states("x", x, self.names))
+        sizes = self._equations.sizes
+        n, m = sizes["momenta"], sizes["corrections"]
+        has_positions = sizes["residuals"] > sizes["multipliers"]
+        q = m - n
+        for _ in range(steps if has_positions else 0):
+            x[..., :q] += self._quantity("corrections", x)[..., :q]
+        x[..., q:m] += self._quantity("corrections", x)[..., q:]
+        return x
+
+    @public
+    def conserving(self, *integrals: Callable[..., Any]) -> Field:
+        """Return the field with first integrals that each step of a motion keeps to rounding.
+
+        Parameters
+        ----------
+        *integrals : callable
+            Functions of the state, and of parameters by name, that are constant along each motion;
+            each returns one value or several. By default the energy.
+
+        Returns
+        -------
+        Field
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the field is not one of formulas, or a function is not constant along motions.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field, flow
+        >>> field = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+        >>> energy = flow(field.conserving(), [2.0, 0.0], time=[1e2, 1e4]).energy()
+        >>> bool(abs(energy + np.cos(2.0)).max() < 1e-15)
+        True
+        """
+        if self._equations is None:
+            raise TypeError("system: write f as a function, so that it can keep integrals")
+        equations = invariants.conserving(self, integrals)
+        return type(self)._of({**self.parameters, NAMES: self.names, EQUATIONS: equations})
 
     @property
     def _is_hamiltonian(self) -> bool:
@@ -460,8 +649,20 @@ class Field(Traced):
         K: Any = None,
         indices: Any = None,
         values: Any = None,
+        quantities: Any = None,
     ) -> Field:
         names = variables(names)
+        if quantities:
+            first = equations if H is None else [H]
+            rows = [*first, *(a for of in quantities.values() for a in of)]
+            tracer, rows, given = operands_of_texts(names, rows, definitions, parameters)
+            count, rest = len(first), iter(rows[len(first) :])
+            read = {name: [next(rest) for _ in of] for name, of in quantities.items()}
+            if H is None:
+                return cls._of(parts_of(tracer, names, rows[:count], given, read))
+            matrix = coefficients.structure_matrix(K, len(names))
+            of_H = of_hamiltonian(tracer, names, [*given], rows[0], matrix, read)
+            return cls._of({**given, NAMES: names, EQUATIONS: of_H})
         if indices is not None and H is None and equations is None and not parameters:
             return cls._of_terms(coefficients.of_file(indices, values, len(names)), names)
         if H is None:

@@ -52,8 +52,8 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     if all(isinstance(a, float) for row in rows for a in row):
         x = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
     else:
-        samples = _Samples(tracer)
-        x = _solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
+        samples = Samples(tracer)
+        x = solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
     return [*map(tracer.result, x)]
 
 
@@ -95,7 +95,7 @@ def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
     return total
 
 
-class _Samples:
+class Samples:
     """The values of formulas at random states, to test if one is 0 or changes its sign."""
 
     def __init__(self, tracer: Tracer) -> None:
@@ -132,15 +132,26 @@ class _Samples:
         return np.asarray(self._values[operand])
 
 
-def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
-    """Return the solution x of a x = b, for numbers and symbols; a and b are overwritten."""
+def solved(
+    a: list[list[Any]],
+    b: list[Any],
+    samples: Samples,
+    first: int = 0,
+    is_definite: bool = False,
+) -> list[Any]:
+    """Return the solution x of a x = b, for numbers and symbols; a and b are overwritten.
+
+    Pivots are chosen in the first rows and columns while these have some. `is_definite` tells that
+    this block is positive definite, and a symmetric: then no pivot on the diagonal is 0.
+    """
     D = len(b)
     is_symmetric = all(_same(a[i][j], a[j][i]) for i in range(D) for j in range(i))
     rows, columns = [*range(D)], [*range(D)]
     steps, x = [], [0.0] * D
     while rows:
-        i, j = _pivot(a, rows, columns, is_symmetric, samples.is_zero)
-        if len(rows) <= MOST and samples.changes_sign(a[i][j]):
+        i, j = _pivot(a, rows, columns, is_symmetric, samples.is_zero, first)
+        is_safe = is_definite and is_symmetric and i == j
+        if len(rows) <= MOST and not is_safe and samples.changes_sign(a[i][j]):
             for j, value in zip(columns, _by_cramer(a, b, rows, columns, samples), strict=True):
                 x[j] = value
             break
@@ -165,7 +176,7 @@ def _solved(a: list[list[Any]], b: list[Any], samples: _Samples) -> list[Any]:
 
 
 def _by_cramer(
-    a: list[list[Any]], b: list[Any], rows: list[int], columns: list[int], samples: _Samples
+    a: list[list[Any]], b: list[Any], rows: list[int], columns: list[int], samples: Samples
 ) -> list[Any]:
     """Return the solution of the equations in these rows and columns, by Cramer's rule."""
     whole = [[*row, value] for row, value in zip(a, b, strict=True)]  # b is the last column
@@ -210,11 +221,13 @@ def _pivot(
     columns: list[int],
     is_symmetric: bool,
     is_zero: Callable[[Any], bool],
+    first: int = 0,
 ) -> tuple[int, int]:
     """Return the place of the next pivot: of a number, else where few entries fill in."""
     places = [(i, j) for i in rows for j in columns if not is_zero(a[i][j])]
     if not places:
         raise _singular()
+    places = [(i, j) for i, j in places if max(i, j) < first] or places
     diagonal = [(i, j) for i, j in places if i == j]
     in_row = {i: sum(place[0] == i for place in places) for i in rows}
     in_column = {j: sum(place[1] == j for place in places) for j in columns}

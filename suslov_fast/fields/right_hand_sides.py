@@ -63,12 +63,17 @@ def _with_constants(
 @lru_cache(64)
 def _of_list(equations: Equations, wrt: Names, actions: Actions, constants: int) -> RightHandSide:
     """Return the right-hand side; `constants` is how many constants of `actions` are parameters."""
+    constraints, invariants = equations.invariants
     with_sums = wrt is not None and _has_branches_of_products(equations.products[0])
+    with_sums = with_sums or bool(invariants)
     program = (equations.values, equations.results) if with_sums else equations.products
-    values, results = in_order(*program, constants)
+    values, results = in_order(program[0], [*program[1], *invariants], constants)
+    D = len(equations.names)
+    results, invariants = results[:D], results[D:]
     by = [len(equations.names) + equations.parameters.index(name) for name in wrt or ()]
     P = len(equations.parameters) + constants
-    return with_fixed_branches(values, results, P, by, wrt is not None, actions)
+    kept = constraints, invariants
+    return with_fixed_branches(values, results, P, by, wrt is not None, actions, kept)
 
 
 def _has_branches_of_products(values: Any) -> bool:
@@ -94,7 +99,8 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
     if special or any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
-    program = KeyedProgram.of(equations.values, equations.results)
+    constraints, invariants = equations.invariants
+    program = KeyedProgram.of(equations.values, [*equations.results, *invariants])
     (form,), constants = with_parameters([EventAction(None, program, 0, 1)], count)
     if len(_known_forms) >= _MOST_FORMS:
         _known_forms.clear()
@@ -104,7 +110,12 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
         count + len(constants), range(len(equations.names), count + len(constants))
     )
     parameters = [*equations.parameters, *map(str, range(len(constants)))]
-    return Equations(equations.names, parameters, values, emitted(values, form.to)), constants
+    rows = emitted(values, form.to)
+    D = len(equations.names)
+    kept = {"residuals": rows[D : D + constraints], "conserved": rows[D + constraints :]}
+    kept = kept if invariants else {}
+    equations = Equations(equations.names, parameters, values, rows[:D], quantities=kept)
+    return equations, constants
 
 
 def of_equations(

@@ -142,6 +142,8 @@ def _parts(argument: str, result: Any, D: int) -> Any:
     """Return the parts of the result of a function: D components, [H], or the entries of M."""
     if argument in ("H", "surface"):
         return [result]
+    if argument == "constraints":
+        return np.ravel(np.array(result, object)).tolist()
     if argument != "mass":
         return components(result, D)
     array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)

@@ -229,7 +229,13 @@ class Traced(Body):
     def _described(self) -> dict[str, Any]:
         """Return the entries of `to_dict` for f."""
         definitions, texts = self._equations.texts
-        return ({"definitions": definitions} if definitions else {}) | {"equations": texts}
+        count = self.dimension if self._equations.H is None else 1
+        sizes, rest = self._equations.sizes, iter(texts[count:])
+        described = {"definitions": definitions} if definitions else {}
+        described["equations"] = texts[:count]
+        if sizes:
+            described["quantities"] = {a: [next(rest) for _ in range(n)] for a, n in sizes.items()}
+        return described
 
     @classmethod
     def _read(
@@ -243,10 +249,17 @@ class Traced(Body):
 
 
 def parts_of(
-    tracer: Tracer, names: Sequence[str], rows: Sequence[Any], values: Mapping[str, Any]
+    tracer: Tracer,
+    names: Sequence[str],
+    rows: Sequence[Any],
+    values: Mapping[str, Any],
+    quantities: Any = None,
 ) -> dict[str, Any]:
     """Return the parts of a field or map: operands `rows` are f, `values` are the parameters."""
-    equations = Equations(names, [*values], tracer.values, rows, ratios=tracer.ratios)
+    ratios = tracer.ratios
+    equations = Equations(
+        names, [*values], tracer.values, rows, ratios=ratios, quantities=quantities
+    )
     return {**values, NAMES: names, EQUATIONS: equations}
 
 

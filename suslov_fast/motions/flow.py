@@ -149,6 +149,7 @@ def flow(
     names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
     x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
+        motion_arguments.check_constraints(body, x.reshape(*batch, x.shape[1]))
         motion_arguments.warn_of_times(body, x, times)
         if sign > 0 and body._tables_of_time:
             motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))

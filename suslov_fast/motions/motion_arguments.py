@@ -18,6 +18,8 @@ from ..status import IntegrationWarning, Status
 from .event import Event
 from .integration import FELL, SolverResult
 
+_DEPENDENT = 1e-10  # least singular value of independent constraints, rows of length 1
+_OFF = 1e-7  # the most by which initial states may violate constraints, in units of their terms
 _MOST = 1e-2  # the largest rtol
 # The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
 # means nothing, also if the user passed 1e-9.
@@ -151,6 +153,32 @@ def checked_starts(
         return x[np.newaxis], ()
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch
+
+
+def check_constraints(field: Any, x: FloatArray) -> None:
+    """Raise ValueError if initial states violate constraints of mechanics."""
+    if field._equations is None or "residuals" not in field._equations.sizes:
+        return
+    errors = abs(field.residuals(x))
+    matrix = field._quantity("matrix", x)
+    matrix = matrix.reshape(*matrix.shape[:-1], field._equations.sizes["multipliers"], -1)
+    with np.errstate(all="ignore"):
+        rows = matrix / np.linalg.norm(matrix, axis=-1, keepdims=True)
+    least = np.linalg.svd(np.nan_to_num(rows), compute_uv=False)[..., -1]
+    if (least < _DEPENDENT).any() and np.isfinite(x).all():
+        where = first_index(least < _DEPENDENT)
+        at = f" at {spell(where)}" if where else ""
+        how = "reactions have no value there: leave out constraints that follow from others"
+        raise wrong("x0", "a state with independent constraints", f"a singular one{at}: {how}")
+    sizes = field._quantity("sizes", x)
+    least = 1e-13 * sizes.max(axis=-1, keepdims=True)  # about rounding
+    bad = (errors > np.maximum(_OFF * sizes, least)).any(axis=-1)
+    if bad.any():
+        errors = errors.max(axis=-1)
+        where = first_index(bad)
+        how = "move states there by field.projected(x0)"
+        at = f" at {spell(where)}" if where else ""
+        raise wrong("x0", "on the constraints", f"off by {errors[where]:.3g}{at}: {how}")
 
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:

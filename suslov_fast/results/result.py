@@ -195,6 +195,16 @@ class States(Result):
         return self._of_body("energy")(self.states)
 
     @public
+    def reactions(self) -> FloatArray:
+        """Return the forces of reaction (n, ..., m), as :meth:`Field.reactions` does."""
+        return self._of_body("reactions")(self.states)
+
+    @public
+    def residuals(self) -> FloatArray:
+        """Return by how much the states violate constraints, as :meth:`Field.residuals` does."""
+        return self._of_body("residuals")(self.states)
+
+    @public
     def first_integral(self) -> FloatArray:
         """Return the first integral (n, ...), as :meth:`Suslov3D.first_integral` does."""
         return self._of_body("first_integral")(self.states, vars(self).get("eps", 0.0))

@@ -16,6 +16,9 @@ def length_of(operations):
     return sum(len(of) - 1 if instruction == "sum" else 1 for instruction, _, of in operations)
 
 
+_NUMBERS = {int}  # the types of operands that are no constants
+
+
 class Values:
     """Numbered values, and the operations that compute them, in order.
 
@@ -102,7 +105,8 @@ class Expressions(Values):
         """Return the number of the value of an operation, or a constant if it is constant."""
         # In keys constants are texts: else 1.0 would equal the number 1 of a value, and 0.0 -0.0.
         key = instruction, *operands
-        if float in map(type, operands):
+        if {*map(type, operands)} != _NUMBERS:
+            operands = (*(float(a) if isinstance(a, float) else a for a in operands),)
             key = instruction, *(repr(a) if type(a) is float else a for a in operands)
         if key not in self._known:
             self._known[key] = self._new(instruction, operands)

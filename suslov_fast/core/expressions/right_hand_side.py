@@ -11,6 +11,7 @@ from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import results_at
 from .programs import Expressions, Program, folded, needed_for
+from .projection import projection_of
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
 
@@ -59,6 +60,8 @@ class RightHandSide:
                  of tables (functions of parameters, see `Branches.shifts`)
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
                  j = D, ... are the parameters `by`
+    projection   `Program` of the projection of a state onto invariants (constraints, then first
+                 integrals), or None; `levels` is the `Program` of their values, 0 for constraints
     longest      operand of the longest step, a function of parameters, see `pulses`
     of, columns  f and 0; in a `Variational`, the right-hand side of x and the number of columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
@@ -67,7 +70,9 @@ class RightHandSide:
 
     is_written = True
 
-    def __init__(self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=()):
+    def __init__(
+        self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=(), invariants=(0, ())
+    ):
         """Plan f with the D rates `results`, operands in the `Expressions` `values`.
 
         `by` are the numbers of parameters to differentiate f by. `surfaces` are other operands to
@@ -78,8 +83,13 @@ class RightHandSide:
         self.D, self.P, self.products = D, P, products_in(of_f)
         wanted = [*(a for _, of, _ in self.products for a in of), *results]
         self.height = len(wanted)
-        rows = gradients(values, of_f, [*wanted, *surfaces[:jumps]], D, by)
-        slopes, of_surfaces = rows[: self.height], rows[self.height :]
+        constraints, kept_values = invariants
+        differentiated = [*wanted, *surfaces[:jumps], *kept_values]
+        rows = gradients(values, of_f, differentiated, D, by)
+        slopes, of_surfaces = rows[: self.height], rows[self.height : self.height + jumps]
+        of_invariants = [
+            {j: a for j, a in row.items() if j < D} for row in rows[self.height + jumps :]
+        ]
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         self.linked = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         place = {p: D + k for k, p in enumerate(by)} | {j: j for j in range(D)}
@@ -98,7 +108,13 @@ class RightHandSide:
         self.derivative = program_of([slopes[i][j] for i, j in self.linked])
         self.surfaces, self.of_parameters = program_of([*surfaces]), program_of(self.by)
         self.slopes = program_of([a for row in of_surfaces for a in row.values()])
+        self.invariants_count = len(kept_values)
+        self.invariants_places = [(k, j) for k, row in enumerate(of_invariants) for j in row]
+        entries = [of_invariants[k][j] for k, j in self.invariants_places]
+        self.invariants = program_of([*kept_values, *entries])
+        self.levels = program_of([*[0.0] * constraints, *kept_values[constraints:]])
         programs = self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes
+        programs += (self.invariants,) * bool(kept_values)
         used = [a for each in programs for _, _, of in each.operations for a in of]
         used += [a for each in programs for a in each.results] + [self.longest]
         used = [*kept, *(a for a in used if type(a) is int and a in fixed)]
@@ -110,7 +126,12 @@ class RightHandSide:
 
     is_dense, columns, hybrid = False, 0, Hybrid()
     of = property(lambda self: self)
+    invariants_count = 0
     entries = property(lambda self: len(self.pattern))
+
+    @cached_property
+    def projection(self):
+        return projection_of(self) if self.invariants_count else None
 
     @cached_property
     def work(self):
@@ -145,6 +166,7 @@ class RightHandSide:
         lists = self.f, self.fixed, self.derivative, self.linked
         lists += self.slopes, self.slope_places, self.surfaces, self.denominators
         lists += self.of_one_sign, self.steady
+        lists += (self.projection, self.levels) if self.projection else ()
         columns = () if self.of is self else (self.columns, self.has_trace, self.of.key)
         return repr((self.D, self.table, *self.hybrid, *lists, columns))
 

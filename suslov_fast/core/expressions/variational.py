@@ -47,6 +47,9 @@ class Variational(RightHandSide):
         # These depend on x alone, not on the columns.
         self.clocks, self.steady, self.of_one_sign = f.clocks, f.steady, f.of_one_sign
         self.longest, self.hybrid = f.longest, f.hybrid
+        self.invariants_count = f.invariants_count
+        if f.invariants_count:
+            self.projection, self.levels = f.projection, f.levels
         self.denominators = poles
         self.f = Program(values.operations, self.f.results)
         self.with_denominators = Program(self.f.operations, [*self.f.results, *poles])

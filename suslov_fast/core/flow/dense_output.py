@@ -19,6 +19,7 @@ import numpy as np
 from ..llvm.text import Carried, Integers, Shared, Value
 from .codegen import larger_of, weighted
 from .memory import LaneState
+from .projection import project
 from .scalar_kernels import NEARLY, scalar_kernel
 from .step_length import AFTER_REFUSED
 from .weights import weights
@@ -67,6 +68,7 @@ def save_between(code):
         n = code.integrator.nodes
         v = float(n) * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
         _put_between(code, weights_at(v, n))
+        project(code, code.work.start)
         save(code, _passed(code, Value.__gt__).bits(), code.work.start)
         now.goes_on = _passed(code, Value.__gt__).any()
 

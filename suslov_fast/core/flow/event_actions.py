@@ -18,6 +18,7 @@ from . import branch_choice
 from .event_records import record
 from .growing_components import RAISED
 from .memory import LaneState
+from .projection import keep_levels
 from .scalar_kernels import AT_ONCE, EDGE, NEARLY, TINY, scalar_kernel
 from .step_length import AT_FIRST, first_length, sizes_of
 
@@ -516,3 +517,4 @@ def _go_on(code, at_given_time, again):
     found = code.apply(LENGTH_AFTER_ACTIONS, **inputs) | code.apply(STATE_AFTER_ACTIONS, **inputs)
     found |= {"longer": AT_FIRST, "stiff": 0.0, "easy": 0.0, "tries": 0.0}
     code.keep(line, found, is_changed)
+    keep_levels(code, is_changed, work.new)

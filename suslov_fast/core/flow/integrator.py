@@ -84,6 +84,11 @@ class Integrator:
             self._add_events()
         if f.hybrid.branches:
             self._add_branches()
+        if f.of.projection:
+            first = 2 * f.of.D + f.of.invariants_count
+            places = {first + k: k for k in range(len(f.of.table))}
+            self.functions["project"] = ProgramFunction(f.of.projection, first, places)
+            self.functions["invariants"] = ProgramFunction(f.of.levels, f.of.D, f.of.places)
         self.factors = self._add_implicit() if is_implicit else 0
         self.rows = rows_of_trajectory(self)
         self.work = rows_of_work(self)

@@ -5,7 +5,7 @@ waits. In memory the rows of a trajectory are consecutive; the rows of a lane ar
 """
 
 from ..llvm.text import Integers, Shared
-from . import branch_choice, dense_output, event_actions, step_length
+from . import branch_choice, dense_output, event_actions, projection, step_length
 from .code_arguments import SLOT
 from .memory import LaneState
 from .next_state import move
@@ -66,6 +66,7 @@ def _begin(code, begins):
     if code.f.hybrid.branches:
         text.copy(line.x, code.work.new, code.D)
         branch_choice.update_branches(code, begins)
+    projection.keep_levels(code, begins, line.x)
     code.call("f", line.x, code.table, f_new)
     for i in text.each(code.extended):
         line.f.choose(begins, i, f_new[i])

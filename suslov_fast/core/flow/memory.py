@@ -60,6 +60,7 @@ def rows_of_trajectory(integrator):
         often=acts,  # how often in a row an event has acted again at once
         resting=acts,  # number of surfaces on which the state stays
         actions=acts,  # number of actions since the last requested time
+        levels=f.of.invariants_count,  # values of invariants that steps keep, see `projection`
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
         longer=1,  # largest factor from the length of a step to the length of the step after it
@@ -88,6 +89,7 @@ def rows_of_work(integrator):
     f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
     D, chooses, acts = f.D, int(bool(f.hybrid.branches)), int(bool(events))
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces
+    kept = of_x.invariants_count
     of_ends, is_implicit = len(integrator.columns) * D, integrator.is_implicit
     has_slopes = chooses and f.hybrid.branches.jumps and f.columns
     in_lanes = 4 if is_implicit else len(lanes_of(integrator.columns))
@@ -156,6 +158,10 @@ def rows_of_work(integrator):
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
         tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
+        # Inputs of `project`: the state, allowed errors, and levels.
+        projecting=bool(kept) * 2 * of_x.D + kept,
+        projected=bool(kept) * of_x.D,  # the state after a projection
+        invariants=kept,  # values of invariants
         # States and rates, see `gragg.in_lanes`.
         lanes=in_lanes * (2 * D + extended) * bool(f.products),
         scratch=max(each.scratch for each in integrator.functions.values())

@@ -5,7 +5,7 @@ depends on time alone, because a solution does not cross a pole of f.
 """
 
 from ..llvm.text import Carried
-from . import tolerance
+from . import projection, tolerance
 from .codegen import larger_of, weighted
 from .scalar_kernels import TINY, scalar_kernel
 
@@ -56,6 +56,7 @@ def find_next_state(code):
         smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
         least = larger_of(code.number("rtol") * (smallest * sums.top), TINY)
         sizes.append({"moved": sums.moved, "least": least, "noisy": tolerance.NOISY * sums.top})
+    projection.project(code, work.new)
     kept = sums.kept
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators that depend on time alone

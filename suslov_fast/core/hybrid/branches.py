@@ -139,7 +139,7 @@ def watch_of(f, events, surfaces):
     return program_of(values.operations, results)
 
 
-def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
+def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), invariants=(0, ())):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
     `results` are operands in `values`, functions of the state and P parameters. The branches, and
@@ -148,9 +148,10 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     later (`variational`). `actions` are `EventAction`s: first those of events on surfaces, then
     those of events at times.
     """
-    elapsed, D = ElapsedTime(values, results, P, actions), len(results)
+    constraints, invariants = invariants
+    elapsed, D = ElapsedTime(values, results, P, actions, invariants), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
-    offsets = elapsed.offsets
+    offsets, invariants = elapsed.offsets, elapsed.invariants
     # An argument of a table is p + q, with q constant along a step (`explicit_time`). In `shifted`
     # q depends on parameters alone, but not on those in `by`, and shifts the knots. Any other q
     # stays in the argument, as -24 floor(t / 24) in t - 24 floor(t / 24).
@@ -160,7 +161,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     of_events = [action.surface for action in actions if action.surface is not None]
     of_events = [emitted(values, surface)[0] for surface in of_events]
     events_on_surfaces = [Surface("event", k) for k in range(len(of_events))]
-    operations = needed_for(values.operations, [*results, *of_events])
+    operations = needed_for(values.operations, [*results, *of_events, *invariants])
     clocks = () if twice or by else offsets
     of_states = depending(operations, {*range(D)}.difference(clocks))
     moving = depending(operations, [i for i, rate in enumerate(results) if not same(rate, 0.0)])
@@ -171,7 +172,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
         given += surfaces[number].parameters
     if not surfaces:
         kept = range(D, D + P) if actions or offsets else ()
-        f = RightHandSide(values, results, P, by, of_events, kept=kept)
+        given_to = {"kept": kept, "invariants": (constraints, invariants)}
+        f = RightHandSide(values, results, P, by, of_events, **given_to)
         f.hybrid = Hybrid(events, offsets=offsets)
         if of_events:
             f.hybrid = _watching(f, events_on_surfaces)
@@ -188,6 +190,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=()):
     fixed.take_written(values, new)
     evaluated = [*of_branches, *(new[a] for a in of_events), *shifts]
     given_to = {"surfaces": evaluated, "jumps": len(jumps), "kept": range(D, given)}
+    given_to["invariants"] = constraints, renamed(invariants, new)
     f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
     # A rate that depends on branches is constant along a step of f, but not along the motion. So
     # the steady components are those of f before its branches became parameters.

@@ -41,8 +41,9 @@ class ElapsedTime:
     shifts   {number of a value: (p, q)} for values of tables at arguments p + q (`_Pair`)
     """
 
-    def __init__(self, values, results, P, actions=()):
+    def __init__(self, values, results, P, actions=(), invariants=()):
         self.values, self.results, self.P, self.actions = values, results, P, actions
+        self.invariants = [*invariants]
         self.offsets, self.shifts = {}, {}
         changed = {i for action in actions for i in components_of(action)}
         rates = [a != 0.0 if isinstance(a, float) else a in values.fixed for a in results]
@@ -50,8 +51,13 @@ class ElapsedTime:
         if not clocks:
             return
         of_actions = [[each and emitted(values, each) for each in action[:2]] for action in actions]
-        wanted = [*results, *(a for pair in of_actions for own in pair for a in own or ())]
+        wanted = [
+            *results,
+            *invariants,
+            *(a for pair in of_actions for own in pair for a in own or ()),
+        ]
         self._shift(needed_for(values.operations, wanted), clocks)
+        self.invariants = [self._whole(a) for a in invariants]
         self.actions = [self._act(*each) for each in zip(actions, of_actions, strict=True)]
 
     def _act(self, action, results):

@@ -1,0 +1,29 @@
+"""Projection of states onto constraints and first integrals, see `expressions.projection`.
+
+The row `levels` has the values of invariants at the start of a trajectory, or after the last action
+of an event. Those of constraints are 0.
+"""
+
+from .codegen import larger_of
+
+
+def project(code, state):
+    """Move the rows `state` to the levels of the invariants, if f has some."""
+    f, text, line, given = code.f.of, code.text, code.line, code.work.projecting
+    if not f.projection:
+        return
+    for i in text.each(f.D):
+        given[i] = x = state[i]
+        size = larger_of(abs(x), line.largest[i])
+        given.after(f.D)[i] = code.component("extra", i) + code.number("rtol") * size
+    text.copy(line.levels, given.after(2 * f.D), f.invariants_count)
+    code.call("project", given, code.table, code.work.projected)
+    text.copy(code.work.projected, state, f.D)
+
+
+def keep_levels(code, truth, state):
+    """Let the invariants have their values at `state` from now on, in lanes `truth`."""
+    if code.f.of.projection:
+        code.call("invariants", state, code.table, code.work.invariants)
+        for k in code.text.each(code.f.of.invariants_count):
+            code.line.levels.choose(truth, k, code.work.invariants[k])

@@ -1,0 +1,71 @@
+"""First integrals that steps of motions keep, see `core.expressions.projection`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..checks import spell
+from ..core.expressions.derivative import gradients
+from ..core.expressions.numpy_evaluation import evaluate
+from ..core.expressions.programs import in_order, program_of
+from .equations import Equations
+from .symbolic import Tracer
+from .trace import operands_of_function
+
+_SAMPLES, _LEAST = 24, 1e-9  # random states; the largest dI/dt of first integrals, of its terms
+
+
+def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations:
+    """Return the equations of a field with first integrals, by default the energy."""
+    old, D = field._equations, field.dimension
+    quantities = {name: of for name, of in old.quantities.items() if name != "conserved"}
+    others = [a for of in quantities.values() for a in of]
+    first = [old.H] if old.H is not None else quantities.get("energy", [])
+    values, operands = in_order(old.values, [*old.results, *others, *first])
+    tracer = Tracer(field.names, [*old.parameters])
+    tracer.values = values
+    integrals = operands[D + len(others) :]
+    if functions:
+        integrals = []
+        for f in functions:
+            argument = "constraints"  # any number of values
+            given = operands_of_function(argument, f, field.names, field.parameters, tracer)[1]
+            integrals += given
+    elif not integrals:
+        raise TypeError("integrals: pass functions of the state: this field has no energy")
+    _check(field, values, operands[:D], integrals)
+    rest = iter(operands[D:])
+    kept = {name: [next(rest) for _ in of] for name, of in quantities.items()}
+    H = None if old.H is None else operands[D + len(others)]
+    of_all = kept | {"conserved": integrals}
+    return Equations(
+        field.names, old.parameters, values, operands[:D], H, old.K, old.ratios, of_all
+    )
+
+
+def _check(field: Any, values: Any, rates: Sequence[Any], integrals: Sequence[Any]) -> None:
+    """Raise ValueError if the derivative of an integral along f is not 0 at random states."""
+    D = field.dimension
+    operations = program_of(values.operations, integrals).operations
+    slopes = gradients(values, operations, integrals, D)
+    x = np.random.default_rng(3).normal(size=(_SAMPLES, D))
+    x *= 10.0 ** np.linspace(-1.0, 0.3, _SAMPLES)[:, None]
+    with np.errstate(all="ignore"):
+        x = field.projected(x).T if "residuals" in field._equations.sizes else x.T
+        given = [np.full(_SAMPLES, np.ravel(a)[0]) for a in field._inputs]
+        numbers: dict[Any, Any] = dict(enumerate([*x, *given]))
+        evaluate(values.operations, numbers)
+        for k, row in enumerate(slopes):
+            terms = [_value(a, numbers) * _value(rates[j], numbers) for j, a in row.items()]
+            change, size = abs(sum(terms)), sum(map(abs, terms))
+            found = np.broadcast_to(change / np.where(size > 0.0, size, 1.0), _SAMPLES)
+            if np.median(found[np.isfinite(found)]) > _LEAST:
+                at = spell(x[:, 0].round(3).tolist()) if D < 9 else "a random state"
+                raise ValueError(f"integrals: function {k} changes along the motion, as at {at}")
+
+
+def _value(operand: Any, numbers: Any) -> Any:
+    return operand if isinstance(operand, float) else numbers[operand]

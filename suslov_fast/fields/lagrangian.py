@@ -1,0 +1,303 @@
+"""Equations of motion from a Lagrangian L(q, u): constraints, forces, Hamel's equations.
+
+q are generalized coordinates, and u velocities: q' = F(q, u) is u, or linear in u in a moving frame
+whose vectors have the brackets [e_i, e_j] = sum_k c_ijk e_k. With momenta p = L_u and B = F_u,
+
+M u' + r = A^T lambda,     M = p_u,     r = p_q q' + p_t - B^T L_q - sum_ik c_ijk u_i p_k - Q.
+
+A = phi_u is the matrix of the constraints phi(q, u, t) = 0. A constraint g(q, t) = 0 without
+velocities is holonomic: then phi = g_q q' + g_t. The derivative of phi in time gives A u' = c with
+c = -phi_q q' - phi_t. The multipliers lambda are eliminated as formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..checks import arguments_of, short, wrong
+from ..core.expressions.derivative import gradients
+from ..core.expressions.numpy_evaluation import evaluate
+from ..core.expressions.programs import program_of
+from .mass import Samples, solved
+from .names import TIME, variables
+from .symbolic import Symbol, Symbols, Tracer
+from .trace import check_callable, operands_of_function, taken
+
+_SAMPLES = 24  # random states at which M is tested
+_LEAST = 1e-13  # least eigenvalue of a positive definite M with 1 on its diagonal
+_FUNCTION = "a function of (q, v), or (q, v, t), and of parameters by name"
+
+
+class Mechanics(NamedTuple):
+    """What `of_lagrangian` returns: operands in the list of the tracer.
+
+    `quantities` are functions of the state, by name: the energy u p - L, the momenta p, and of
+    systems with constraints `residuals` (phi, then g), `multipliers`, `reactions` A^T lambda,
+    `matrix` (A, by rows), `sizes` (sums of moduli of terms of the residuals), and `corrections`,
+    one Newton step to the constraints that is least in the metric of M.
+    """
+
+    tracer: Tracer
+    names: tuple[str, ...]
+    rates: list[Any]
+    quantities: dict[str, list[Any]]
+
+
+def names_of(coordinates: Any, velocities: Any, has_frame: bool) -> tuple[tuple[str, ...], ...]:
+    """Return the names of coordinates and of velocities, by default "vx vy" for "x y"."""
+    q = variables(coordinates)
+    if has_frame and not velocities:
+        raise wrong("velocities", 'names of the velocities of the frame, "u w"', "left out")
+    u = variables(velocities or [f"v{name}" for name in q])
+    if not has_frame and len(u) != len(q):
+        raise wrong("velocities", f"{len(q)} names, one for each coordinate", f"{len(u)}")
+    return q, u
+
+
+class _Functions:
+    """Calls of L, constraints, forces and the frame with symbols of the state (q, u) or (q, u, t).
+
+    flows    q' and, if a function takes time t, 1: the rates of the variables `places`
+    """
+
+    def __init__(self, q: Sequence[str], u: Sequence[str], functions: Any, values: Any) -> None:
+        self.given = {name: f for name, f in functions.items() if f is not None}
+        for name, f in self.given.items():
+            check_callable(name, f)
+        self.uses = {name: taken(f, [*values, *TIME]) for name, f in self.given.items()}
+        for name, f in self.given.items():
+            first, others = arguments_of(f)[:2], arguments_of(f)[2:]
+            lost = [a for a in others if a not in self.uses[name]]
+            if lost or len(first) < 2:
+                how = f"pass a value of {lost[0]}" if lost else "write lambda q, v: ..."
+                raise wrong(name, _FUNCTION, f"one of {arguments_of(f)}: {how}", TypeError)
+        if idle := [p for p in values if not any(p in uses for uses in self.uses.values())]:
+            raise TypeError(f"from_lagrangian: no function has the parameter {idle[0]!r}")
+        clock = ("t",) * any(TIME & {*uses} for uses in self.uses.values())
+        self.n, self.m, self.names = len(q), len(u), (*q, *u, *clock)
+        self.tracer = Tracer(self.names, [*values])
+        self.places = [*range(self.n), *([self.n + self.m] if clock else [])]
+        frame = self.symbols("frame", self.n) if "frame" in self.given else self.velocities
+        self.flows = np.array([*frame, *[1.0] * len(clock)], object)
+
+    @property
+    def velocities(self) -> Any:
+        return self.tracer.state[self.n : self.n + self.m]
+
+    def symbols(self, name: str, count: int | None = None) -> Any:
+        """Return the results of a function, an array; zeros if it was not given."""
+        if name not in self.given:
+            return np.zeros(count or 0, object) + 0.0
+        f, n = self.given[name], self.n
+
+        def of_state(x: Any, **values: Any) -> Any:
+            values |= dict.fromkeys(TIME, x[-1])
+            own = {each: values[each] for each in self.uses[name]}
+            return f(x[:n], x[n : n + self.m], **own)
+
+        kind = "H" if name == "L" else "constraints"
+        try:
+            _, rows = operands_of_function(kind, of_state, (), {}, self.tracer)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{name}: {str(error).removeprefix(f'{kind}: ')}") from None
+        if count not in (None, len(rows)):
+            raise wrong(name, f"{count} components", f"{len(rows)}")
+        return _array(self.tracer, rows)
+
+
+def _array(tracer: Tracer, operands: Sequence[Any]) -> Any:
+    """Return an array of symbols, and of numbers for constant operands."""
+    array = np.empty(len(operands), object)
+    array[:] = [a if isinstance(a, float) else Symbol(tracer, a) for a in operands]
+    return array
+
+
+def slopes(tracer: Tracer, values: Any, by: Sequence[int]) -> Any:
+    """Return the matrix of derivatives of values with respect to variables of the state."""
+    operands = [tracer.number(a) for a in values]
+    operations = program_of(tracer.values.operations, operands).operations
+    rows = gradients(tracer.values, operations, operands, tracer.D)
+    rows = [row if type(a) is int else {} for a, row in zip(operands, rows, strict=True)]
+    entries = _array(tracer, [row.get(j, 0.0) for row in rows for j in by])
+    return entries.reshape(len(rows), len(by))
+
+
+def of_lagrangian(
+    functions: Mapping[str, Any],
+    q: tuple[str, ...],
+    u: tuple[str, ...],
+    parameters: Mapping[str, Any],
+    algebra: Any = None,
+) -> Mechanics:
+    """Return the equations for functions L, constraints, forces and frame; None: not given.
+
+    With a frame, they are Hamel's equations for the structure constants of the `algebra`.
+    """
+    traced = _Functions(q, u, functions, parameters)
+    tracer, n, m, flows = traced.tracer, traced.n, traced.m, traced.flows
+    L, of_u = traced.symbols("L"), range(n, n + m)
+    p = slopes(tracer, L, of_u)[0]
+    M, r = _inertia(traced, L, p, algebra)
+    r = r - traced.symbols("forces", m)
+    phi, g, holonomic = _constraints(traced)
+    A, c = slopes(tracer, phi, of_u), -(slopes(tracer, phi, traced.places) @ flows)
+    elimination = _Elimination(tracer, M, A, parameters)
+    rates, multipliers = elimination.solution(-r, c)
+    quantities = {"energy": [traced.velocities @ p - L[0]], "momenta": p}
+    if len(A):
+        shift = np.zeros(len(A), object) + 0.0
+        shift[holonomic] = -g
+        move, _ = elimination.solution(0.0 * r, shift)
+        change, _ = elimination.solution(0.0 * r, -phi)
+        B = slopes(tracer, flows[:n], of_u)
+        residuals = np.concatenate([phi, g])
+        terms = slopes(tracer, residuals, range(tracer.D)) * tracer.state
+        quantities |= {
+            "residuals": residuals,
+            "multipliers": -multipliers,
+            "reactions": A.T @ -multipliers,
+            "matrix": A.ravel(),
+            "sizes": [sum(map(abs, row)) for row in terms],
+            "corrections": np.concatenate([B @ move, change]),
+        }
+    operands = {name: [*map(tracer.result, of)] for name, of in quantities.items()}
+    rates = [*map(tracer.result, [*flows[:n], *rates, *flows[n:]])]
+    return Mechanics(tracer, traced.names, rates, operands)
+
+
+def _inertia(traced: _Functions, L: Any, p: Any, algebra: Any) -> tuple[Any, Any]:
+    """Return M and r, without forces."""
+    tracer, n, m = traced.tracer, traced.n, traced.m
+    M = slopes(tracer, p, range(n, n + m))
+    M = np.where(np.tri(m, dtype=bool), M, M.T)  # symmetric also in rounding
+    L_q = slopes(tracer, L, range(n))[0]
+    if "frame" in traced.given:
+        L_q = slopes(tracer, traced.flows[:n], range(n, n + m)).T @ L_q
+        c = _structure_constants(algebra, m)
+        for i, j, k in np.argwhere(c).tolist():
+            L_q[j] = L_q[j] + float(c[i, j, k]) * traced.velocities[i] * p[k]
+    return M, -L_q + slopes(tracer, p, traced.places) @ traced.flows
+
+
+def _constraints(traced: _Functions) -> tuple[Any, Any, list[int]]:
+    """Return phi of all constraints, g of the holonomic ones, and the rows of these in phi."""
+    tracer, n, m = traced.tracer, traced.n, traced.m
+    phi = traced.symbols("constraints")
+    given, holonomic = phi.copy(), []
+    for row, of_u in enumerate(slopes(tracer, phi, range(n, n + m))):
+        if all(map(_is_zero, of_u)):
+            along = slopes(tracer, given[row : row + 1], traced.places)[0]
+            if all(map(_is_zero, along[:n])):
+                text = tracer.text(tracer.number(given[row]))
+                raise wrong("constraints", "functions of q or v", f"{text} in row {row}")
+            phi[row] = along @ traced.flows
+            holonomic.append(row)
+    return phi, given[holonomic], holonomic
+
+
+def _is_zero(a: Any) -> bool:
+    return isinstance(a, float) and a == 0.0
+
+
+class _Elimination:
+    """The elimination of multipliers from M u' - A^T lambda = b, A u' = c.
+
+    As A u' = c, the equations hold with M + w A^T A and b + w A^T c, too. This matrix is regular
+    also where M is singular, as for bodies without a moment of inertia, which constraints alone
+    keep from turning. w is 0 only if M is numbers.
+    """
+
+    def __init__(self, tracer: Tracer, M: Any, A: Any, parameters: Mapping[str, Any]) -> None:
+        self.tracer, self.A = tracer, A
+        self.is_definite, w = _weight(tracer, M, A, parameters)
+        self.weighted = w * A.T if w else 0.0 * A.T
+        whole = M + self.weighted @ A if w else M
+        whole = np.where(np.tri(len(M), dtype=bool), whole, whole.T)
+        corner = np.zeros((len(A), len(A)), object) + 0.0
+        self.rows = np.block([[whole, A.T], [A, corner]]).tolist()
+
+    def solution(self, b: Any, c: Any) -> tuple[Any, Any]:
+        """Return u' and -lambda."""
+        right = self._plain([*(b + self.weighted @ c), *c])
+        rows, m = [self._plain(row) for row in self.rows], self.A.shape[1]
+        try:
+            x = solved(rows, right, Samples(self.tracer), m, self.is_definite)
+        except ValueError:
+            how = "leave out constraints that follow from others, or give each velocity a mass"
+            raise wrong("constraints", "independent", f"dependent on one another: {how}") from None
+        x = _array(self.tracer, [self.tracer.number(a) for a in x])
+        return x[:m], x[m:]
+
+    def _plain(self, values: Any) -> list[Any]:
+        return [*_array(self.tracer, [self.tracer.number(a) for a in values])]
+
+
+def _weight(tracer: Tracer, M: Any, A: Any, parameters: Mapping[str, Any]) -> tuple[bool, float]:
+    """Return if M + w A^T A is positive definite at random states, and w."""
+    numbers = np.random.default_rng(1).normal(size=(tracer.D, _SAMPLES))
+    numbers *= 10.0 ** np.linspace(-1.0, 0.5, _SAMPLES)
+    given = [
+        np.full(_SAMPLES, float(np.ravel(np.asarray(a, float))[0])) for a in parameters.values()
+    ]
+    matrices = [[tracer.number(a) for a in matrix.ravel()] for matrix in (M, A)]
+    values: dict[Any, Any] = dict(enumerate([*numbers, *given]))
+    with np.errstate(all="ignore"):
+        evaluate(tracer.values.operations, values)
+    found = []
+    for matrix, operands in zip((M, A), matrices, strict=True):
+        rows = [
+            np.broadcast_to(a if isinstance(a, float) else values[a], _SAMPLES) for a in operands
+        ]
+        found.append(np.reshape(rows, (*matrix.shape, _SAMPLES)).astype(float).transpose(2, 0, 1))
+    finite = np.all([np.isfinite(each).all((1, 2)) for each in found], axis=0)
+    inertia, squares = found[0][finite], (found[1].transpose(0, 2, 1) @ found[1])[finite]
+    has_numbers = all(isinstance(a, float) for a in matrices[0])
+    if not len(A) or not len(inertia) or (has_numbers and _is_definite(inertia)):
+        return len(inertia) > 0 and _is_definite(inertia), 0.0
+    with np.errstate(all="ignore"):
+        ratios = np.divide(*(np.einsum("sii->s", each) for each in (inertia, squares)))
+        power = float(np.nan_to_num(np.log2(np.median(ratios))))
+    w = 2.0 ** round(min(max(power, -60.0), 60.0))
+    return _is_definite(inertia + w * squares), w
+
+
+def _is_definite(matrices: Any) -> bool:
+    """Return True if all symmetric matrices (n, m, m) are positive definite."""
+    sizes = np.sqrt(abs(np.einsum("sii->si", matrices)))
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    scaled = matrices / sizes[:, :, None] / sizes[:, None, :]
+    return bool((np.linalg.eigvalsh(scaled)[:, 0] > _LEAST).all())
+
+
+def _structure_constants(algebra: Any, m: int) -> Any:
+    """Return the structure constants c (m, m, m) of "so3", "se3", or of an array."""
+    if isinstance(algebra, str):
+        i, j, k = np.ogrid[:3, :3, :3]
+        turns = (i - j) * (j - k) * (k - i) / 2.0
+        c = np.zeros((6, 6, 6))  # of rotations (0 to 2) and translations (3 to 5)
+        for a, b, d in ((0, 0, 0), (0, 3, 3), (3, 0, 3)):
+            c[a : a + 3, b : b + 3, d : d + 3] = turns
+        algebra = {"so3": turns, "se3": c}.get(algebra, algebra)
+    if algebra is None or isinstance(algebra, str):
+        raise wrong("algebra", '"so3", "se3" or an array of structure constants', short(algebra))
+    c = np.asarray(algebra, float)
+    if c.shape != (m, m, m) or (c != -c.transpose(1, 0, 2)).any():
+        raise wrong(
+            "algebra", f"structure constants of {m} velocities, c[i, j] = -c[j, i]", c.shape
+        )
+    return c
+
+
+def velocity(position: Any, q: Any, v: Any) -> Any:
+    """Return the rate of position(q) along v, for use in L or in constraints.
+
+    `position` takes symbols q and returns an array of formulas, such as a point or a rotation.
+    """
+    value = np.asarray(position(q), object)
+    by = [each.operand for each in q]
+    rates = slopes(q[0].tracer, value.ravel(), by) @ v
+    array = np.array([*rates], object).reshape(value.shape)
+    return array.view(Symbols) if value.ndim else array.item()

@@ -1,0 +1,161 @@
+"""Tests of steps that keep constraints and first integrals."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from suslov_fast import Event, Field, crossings, flow
+
+
+def pendulum():
+    return Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+
+
+def kepler():
+    return Field.from_hamiltonian(
+        lambda x: (x[2] ** 2 + x[3] ** 2) / 2 - 1 / np.sqrt(x[0] ** 2 + x[1] ** 2), "x y u v"
+    )
+
+
+def angular_momentum(x):
+    return x[0] * x[3] - x[1] * x[2]
+
+
+def oval():
+    """A cubic potential; motions are regular at this energy."""
+    return Field.from_hamiltonian(
+        lambda x: (x @ x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, "x y u v"
+    )
+
+
+def test_kepler_keeps_integrals_and_phase():
+    x0, field = [0.4, 0, 0, 2.0], kepler()
+    kept = field.conserving(
+        lambda x: (x[2] ** 2 + x[3] ** 2) / 2 - 1 / np.sqrt(x[0] ** 2 + x[1] ** 2),
+        angular_momentum,
+    )
+    t = 2 * np.pi * np.arange(1, 1001)
+    plain, motion = flow(field, x0, time=t), flow(kept, x0, time=t)
+    assert_allclose(motion.energy(), -0.5, rtol=1e-14)
+    assert_allclose(angular_momentum(motion.states.T), 0.8, rtol=1e-14)
+    assert abs(motion.states[-1] - x0).max() < 2e-6
+    assert abs(plain.states[-1] - x0).max() > 1e-3
+
+
+@pytest.mark.parametrize("settings", [{}, {"rtol": 1e-2}, {"atol": 1e-8}, {"stiff": True}])
+def test_states_between_steps_have_the_energy(settings):
+    field, x0 = oval(), [0, 0.1, 0.5, 0]
+    motion = flow(field.conserving(), x0, time=np.linspace(-20, 0, 2000), **settings)
+    near = 1e-9 if "rtol" in settings else 1e-14  # one Newton step
+    assert_allclose(motion.energy(), field.energy(np.array(x0)), atol=near)
+
+
+def test_lanes_have_the_bits_of_single_motions():
+    x0 = [0, 0.1, 0.5, 0] + 0.01 * np.random.default_rng(0).normal(size=(37, 4))
+    field = oval().conserving()
+    states = flow(field, x0, time=[5.0, 50.0]).states
+    for k in (0, 7, 36):
+        assert_array_equal(states[:, k], flow(field, x0[k], time=[5.0, 50.0]).states)
+
+
+def test_families():
+    field = Field.from_hamiltonian(
+        lambda x, k: x[1] ** 2 / 2 - k * np.cos(x[0]), "q p", k=[1.0, 2.0, 5.0]
+    )
+    energy = flow(field.conserving(), [1.0, 0.0], time=[10.0, 1000.0]).energy()
+    assert_allclose(energy - field.energy([1.0, 0.0]), 0, atol=2e-15)
+
+
+@pytest.mark.parametrize("x0", [[0, 0], [np.pi, 0], [np.pi - 1e-9, 0], [1e-200, 0]])
+def test_equilibria_where_slopes_are_0(x0):
+    plain, motion = (flow(f, x0, time=15.0) for f in (pendulum(), pendulum().conserving()))
+    assert motion.ok
+    assert_allclose(motion.states, plain.states, rtol=1e-5)
+
+
+def test_integrals_that_depend_on_one_another():
+    H = lambda x: x[1] ** 2 / 2 - np.cos(x[0])  # noqa: E731
+    field = pendulum().conserving(H, lambda x: (2 * H(x), H(x) ** 2))
+    one = flow(pendulum().conserving(), [1, 0], time=100.0)
+    assert_array_equal(flow(field, [1, 0], time=100.0).states, one.states)
+
+
+def test_actions_of_events_set_new_values():
+    ball = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0], "h v").conserving()
+    bounce = Event(lambda x: x[0], direction="down", to=lambda x: (0 * x[0], -x[1] / 2))
+    motion = flow(ball, [1, 0], time=[1.0, 2.0, 3.0, 4.0], events=bounce)
+    assert_allclose(motion.energy(), 4.0 ** -np.array([0.0, 1.0, 2.0, 4.0]), rtol=1e-13)
+    kick = Event(times=[1.0], to=lambda x: (x[0], x[1] + 0.3))
+    energy = flow(pendulum().conserving(), [1, 0], time=[1.0, 500.0], events=kick).energy()
+    assert_allclose(energy[1], energy[0], rtol=1e-14)
+
+
+def test_forces_that_jump():
+    field = Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 + abs(x[0]), "q p")
+    energy = flow(field.conserving(), [1, 0], time=[10.0, 1000.0]).energy()
+    assert_allclose(energy, 1, rtol=1e-14)
+
+
+def test_crossings_are_on_their_surface_and_keep_the_energy():
+    field, x0 = oval(), [0, 0.1, 0.5, 0]
+    found = crossings(field.conserving(), x0, "x", time=500.0)
+    assert abs(found.states[:, 0]).max() < 1e-12
+    assert_allclose(field.energy(found.states), field.energy(np.array(x0)), rtol=1e-14)
+
+
+def test_derivatives_of_motions():
+    settings = {"time": [10.0, 100.0], "derivatives": "x0"}
+    exact = flow(pendulum(), [1, 0.5], rtol=1e-13, **settings).derivatives["x0"]
+    found = flow(pendulum().conserving(), [1, 0.5], **settings).derivatives["x0"]
+    assert_allclose(found, exact, rtol=1e-8, atol=1e-8)
+
+
+def test_constraints_in_time_from_a_late_start():
+    rod = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - 9.81 * q[1],
+        "x y",
+        constraints=lambda q, v, t: (q[0] - np.sin(t) / 2) ** 2 + q[1] ** 2 - 1,
+    )
+    x0 = rod.projected([np.sin(1e6) / 2 + np.sin(1), -np.cos(1), np.cos(1e6) / 2, 0, 1e6])
+    motion = flow(rod, x0, time=np.linspace(0, 100, 500))
+    assert_allclose(motion.residuals(), 0, atol=1e-9)  # times at 1e6 are rounded to 1e-10
+
+
+def test_signs_of_populations():
+    field = Field(lambda x: (x[0] * (1 - x[1]), 2 * x[1] * (x[0] - 1)), "u v")
+    V = lambda x: 2 * (x[0] - np.log(x[0])) + x[1] - np.log(x[1])  # noqa: E731
+    states = flow(field.conserving(V), [12, 1e-3], time=np.linspace(1, 2000, 4000)).states
+    assert (states > 0).all()
+    assert_allclose(V(states.T), V([12, 1e-3]), rtol=1e-14)
+
+
+def test_stiff_equations_are_not_harmed():
+    field = Field(
+        lambda x: (
+            -0.04 * x[0] + 1e4 * x[1] * x[2],
+            0.04 * x[0] - 1e4 * x[1] * x[2] - 3e7 * x[1] ** 2,
+            3e7 * x[1] ** 2,
+        ),
+        "a b c",
+    )
+    plain = flow(field, [1, 0, 0], time=4e5)
+    kept = flow(field.conserving(lambda x: x[0] + x[1] + x[2]), [1, 0, 0], time=4e5)
+    assert kept.steps == plain.steps
+    assert_allclose(kept.states, plain.states, rtol=1e-9)
+
+
+def test_functions_that_are_no_integrals():
+    with pytest.raises(ValueError, match="function 1 changes"):
+        pendulum().conserving(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), lambda x: x[0])
+    with pytest.raises(TypeError, match="no energy"):
+        Field(lambda x: (x[1], -x[0]), 2).conserving()
+
+
+def test_files_keep_integrals():
+    for field in (pendulum().conserving(), kepler().conserving(angular_momentum)):
+        again = Field.from_dict(field.to_dict())
+        assert again == field
+        x0 = [1.0, 0.0] if len(field.names) == 2 else [0.4, 0, 0, 2.0]
+        one, other = (flow(f, x0, time=20.0).states for f in (field, again))
+        assert_array_equal(one, other)
+    assert pendulum().conserving() != pendulum()

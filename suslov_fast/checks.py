@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .core.numba.interrupts import uninterrupted
+from .pairs import has_pairs, split_states
 
 FloatArray = NDArray[np.float64]
 
@@ -133,6 +134,8 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)
     if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
         return value  # for speed in small calls
+    if has_pairs(labels):
+        value = split_states(name, value, tuple(labels))
     array = float_array(name, _unlabelled(name, value, labels))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]
@@ -209,7 +212,7 @@ def float_array(name: str, value: Any) -> FloatArray:
     if array.dtype.kind not in "iuf":
         what = f" of dtype {array.dtype}"
         if array.dtype.kind == "c":
-            what += ": split complex variables into real and imaginary parts"
+            what += ": a field of complex variables is Field(f, names, complex=True)"
         if array.dtype.kind == "O":
             item = next(each for each in array.flat if not isinstance(each, numbers.Real))
             what = f": {short(item)} is of the type {kind_of(item)}" * (array.ndim > 0)

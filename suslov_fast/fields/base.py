@@ -104,6 +104,11 @@ class Body(Members, metaclass=Answering):
         return self._of({**parts, **self._shared})
 
     @property
+    def _shown(self) -> Any:
+        """The names of components in results, where a complex variable is one component."""
+        return self._labels
+
+    @property
     def _arrays(self) -> dict[str, FloatArray]:
         """The parameters by name, as arrays of floats."""
         return {name: np.asarray(each, np.float64) for name, each in self.parameters.items()}

@@ -246,6 +246,8 @@ def _of_part(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any
         raise ValueError(
             f"equations: a name must be one of {names}, not {short(node.id)}: write its value"
         )
+    if isinstance(node, ast.Attribute) and ast.unparse(node) in known:
+        return known[ast.unparse(node)]  # a part of a complex variable
     if isinstance(node, ast.UnaryOp) and type(node.op) in _OPERATORS:
         return _OPERATORS[type(node.op)](_value(node.operand, known, calls, depth))
     if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in _OPERATORS:

@@ -14,12 +14,13 @@ from ..checks import FloatArray, arguments_of, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
+from ..pairs import has_pairs, split_values
 from . import coefficients, invariants, lagrangian, right_hand_sides
 from .base import Body, frozen
 from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
-from .names import check_for_map, variables
+from .names import check_for_map, variables, with_pairs
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
 from .symbolic import Tracer
@@ -57,10 +58,14 @@ class Field(Traced):
         parameters by name. The equations are solved for x' as formulas, with pivots that are chosen
         once, so solutions end where a pivot becomes 0. A full matrix that depends on x may have up
         to about 12 rows. If f has an argument `mass`, the value is a parameter of f instead.
+    complex : bool or str or sequence of str
+        True if all variables are complex, or the names of those that are. A complex variable z is
+        stored as two components, z.real and z.imag; states of results are complex. If f has an
+        argument `complex`, the value is a parameter of f instead.
     **parameters : float or array_like(float, shape=(...))
-        Values of the named parameters of f and of `mass`. Arrays broadcast, and make a family: a
-        field for each set of values. A parameter cannot have the name of a variable, of time, or
-        of a variable in datasets of results.
+        Values of the named parameters of f and of `mass`, which may be complex. Arrays broadcast,
+        and make a family: a field for each set of values. A parameter cannot have the name of a
+        variable, of time, or of a variable in datasets of results.
 
     Attributes
     ----------
@@ -122,17 +127,21 @@ class Field(Traced):
         names: int | str | Sequence[str] = "",
         *,
         mass: Any = None,
+        complex: Any = False,
         **parameters: Any,
     ) -> None:
         check_callable("f", f)  # first: if f is a text, this error helps more than missing `names`
         names = variables(names)
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None
+        names, parameters = with_pairs(f, names, complex, parameters)
+        if mass is not None and has_pairs(names):
+            raise wrong("mass", "left out beside complex variables", error=TypeError)
         if mass is None:
             check_function("f", f, names, parameters)
         else:
             f, mass = parted(f, mass, names, parameters)
-        values = named_parameters(parameters, names)
+        values = named_parameters(split_values(parameters), names)
         tracer = Tracer(names, [*values], has_products=mass is None)
         tracer, rows = operands_of_function("f", f, names, values, tracer)
         rows = rows if mass is None else rates(tracer, mass, rows)
@@ -682,14 +691,15 @@ def system_of(system: Any, x0: Any) -> Any:
     if isinstance(system, type) or not callable(system):
         checks.instance("system", system, Body)  # this raises an error
     if isinstance(x0, Mapping):
-        return Field(system, [*x0])
-    D = (1, *checks.real_array("x0", x0, allow_nan=True).shape)[-1]
+        return Field(system, [*x0], complex=[k for k in x0 if np.iscomplexobj(x0[k])])
+    is_complex = np.iscomplexobj(x0)
+    D = (1, *checks.real_array("x0", np.real(x0) if is_complex else x0, True).shape)[-1]
     others = arguments_of(system)[1:]
     if others and not {"t", "time"} & {*arguments_of(system)}:
         values = ", ".join(f"{name}=..." for name in others)
         how = f"Field(f, {D}, {values})"
         raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
     try:
-        return Field(system, D)
+        return Field(system, D, complex=is_complex)
     except ValueError as error:
         raise ValueError(f"{error}, and x0 has {D} components") from None

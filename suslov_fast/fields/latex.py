@@ -29,6 +29,8 @@ def symbol(name: str) -> str:
     """Return the LaTeX of a name."""
     if text := latex(name):
         return text
+    if part := {"real": "Re", "imag": "Im"}.get(name.partition(".")[2]):
+        return rf"\mathrm{{{part}}}\,{symbol(name.partition('.')[0])}"
     stem = name.rstrip("0123456789")
     word, index = stem.rstrip("_").replace("_", r"\_"), name[len(stem) :]
     return rf"\mathrm{{{word}}}" + (f"_{{{index}}}" if index else "")
@@ -58,8 +60,8 @@ def _of(node: Any) -> tuple[str, int]:
             digits, exponent = text.split("e")
             return rf"{digits} \cdot 10^{{{int(exponent)}}}", 3
         return text, _ATOM
-    if isinstance(node, ast.Name):
-        return symbol(node.id), _ATOM
+    if isinstance(node, (ast.Name, ast.Attribute)):
+        return symbol(ast.unparse(node)), _ATOM
     if isinstance(node, ast.UnaryOp):
         level = _LEVELS[type(node.op)]
         return f"{_SIGNS[type(node.op)]}{_within(node.operand, 3)}", level

@@ -13,10 +13,11 @@ from ..core.cached import cached_property
 from ..core.expressions.programs import in_order
 from ..core.maps.map_step import MapStep, map_step
 from ..keywords import public_class
+from ..pairs import split_values
 from .equations import Equations
 from .exact_numbers import named_parameters
 from .field import Field
-from .names import TIME, check_for_map, variables
+from .names import TIME, check_for_map, variables, with_pairs
 from .trace import check_function, operands_of_function
 from .traced import EQUATIONS, NAMES, Traced, parts_of
 
@@ -36,7 +37,7 @@ class Map(Traced):
     f : callable
         Takes the state x, an array of D variables, and parameters by name, and returns the D
         components of the next state. f is called with symbols, twice, with equal results.
-    names, **parameters
+    names, complex, **parameters
         As for a :class:`Field`.
 
     Attributes
@@ -71,15 +72,22 @@ class Map(Traced):
     _has_eps: ClassVar[bool] = False
 
     def __init__(
-        self, f: Callable[..., Any], /, names: int | str | Sequence[str], **parameters: Any
+        self,
+        f: Callable[..., Any],
+        /,
+        names: int | str | Sequence[str],
+        *,
+        complex: Any = False,
+        **parameters: Any,
     ) -> None:
         names = variables(names)
+        names, parameters = with_pairs(f, names, complex, parameters)
         if TIME & {*arguments_of(f), *parameters}:
             call = "Map(lambda s: (*f(s[:-1], s[-1]), s[-1] + 1), names)"
             how = "the number of the step is a variable that grows by 1"
             raise TypeError(f"f: {how}, as in {call}, and no argument t")
         check_function("f", f, names, parameters)
-        values = named_parameters(parameters, names)
+        values = named_parameters(split_values(parameters), names)
         check_for_map((), [name for name in values if name != "eps"])
         tracer, rows = operands_of_function("f", f, names, values)
         self._take(parts_of(tracer, names, rows, values))

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer, short, wrong
+from ..checks import arguments_of, integer, short, wrong
+from ..pairs import split_names
 
 # Limits of files: the characters of a name, and the number of variables.
 _LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
@@ -96,13 +97,29 @@ def variables(given: Any, D: int | None = None) -> tuple[str, ...]:
         before.add(name)
         if reason:
             raise ValueError(f"names: the variable {short(name)} {reason}")
+    for a, b in zip(["", *names], [*names, ""], strict=True):  # pairs of complex variables
+        if (a.endswith(".real") or b.endswith(".imag")) and b != f"{a[:-5]}.imag":
+            raise ValueError(f"names: {a or b} must be in a pair, z.real z.imag")
     return tuple(names)
+
+
+def with_pairs(f: Any, names: Any, complex: Any, parameters: Any) -> tuple[tuple[str, ...], Any]:
+    """Return names with pairs for variables that `complex` names, and the parameters of f.
+
+    If f has an argument `complex`, the value is a parameter of f instead.
+    """
+    if complex is not False and "complex" in arguments_of(f):
+        return names, {**parameters, "complex": complex}
+    if complex is False:
+        return names, parameters
+    return split_names(names, names if complex is True else variables(complex)), parameters
 
 
 def _refused(name: str) -> str:
     """Return why a variable or parameter cannot have this name; "" if it can."""
     if len(name) > _LONGEST_NAME:
         return f"is longer than {_LONGEST_NAME} characters"
+    name = name.removesuffix(".real").removesuffix(".imag")  # parts of complex variables
     plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
     if plain != name and plain.isidentifier():
         return f"is {plain!r} to Python, which normalises names: pass that"

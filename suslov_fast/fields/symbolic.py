@@ -24,7 +24,9 @@ from ..core.expressions.dense_product import ENTRY, DenseMatrix, is_large
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions
+from ..pairs import has_pairs, whole
 from ..words import OF_ARRAYS, STEPS
+from .complex_rules import RULES, TO_REAL
 from .equation_text import brief
 
 TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
@@ -43,13 +45,26 @@ class Tracer:
         self.names, self.has_products = (*names, *parameters), has_products
         self.D, count = len(names), len(self.names)
         self.values = Expressions(count, range(self.D, count))
-        self.parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
+        self.real_parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
+        self.variables, self.parameters = tuple(names), dict(self.real_parameters)
+        if has_pairs(parameters):
+            self.parameters = joined_symbols([*self.parameters.values()], parameters)
+        self.squares: dict[int, Any] = {}  # {operand of a modulus: operand of its square}
         self.ratios: dict[float, Fraction] = {}  # {nearest float: fraction that is no float}
 
     @property
     def state(self) -> Symbols:
         """The symbols of the components; not stored, as garbage collection misses such arrays."""
-        return Symbols.of([Symbol(self, i) for i in range(self.D)])
+        symbols = [Symbol(self, i) for i in range(self.D)]
+        if has_pairs(self.variables):
+            symbols = [*joined_symbols(symbols, self.variables).values()]
+        return Symbols.of(symbols)
+
+    @property
+    def known(self) -> dict[str, Symbol]:
+        """The symbols by name, for texts: of complex variables z, also z.real and z.imag."""
+        real = {name: Symbol(self, i) for i, name in enumerate(self.names)}
+        return real | dict(zip(whole(self.variables), self.state, strict=True)) | self.parameters
 
     def is_truth(self, operand: Any) -> bool:
         """Return True if an operand is a truth value of the list."""
@@ -97,6 +112,10 @@ class Tracer:
         """Return the symbol of a function of operands; remember the function for texts."""
         if name in _ARITHMETIC and float in map(type, operands):
             _check_arithmetic(name, operands)
+        if name == "power" and type(operands[0]) is int and operands[0] in self.squares:
+            half = operands[1] / 2.0 if isinstance(operands[1], float) else 0.5
+            if half.is_integer():
+                return self.applied(name, [self.squares[operands[0]], half])
         rule: Any = interp if name == "interp" else FUNCTIONS[name].rule
         count = self.values.count
         result = rule(self.values, *operands, *tables)
@@ -131,8 +150,7 @@ def constant(value: Any) -> float:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if isinstance(value, (complex, np.complexfloating)):
-        how = "split complex variables into real and imaginary parts"
-        raise Untraceable(f"{value} is complex: {how}")
+        raise Untraceable(f"{value} is complex, where a real number is wanted")
     if hasattr(value, "free_symbols") and value.free_symbols:
         raise Untraceable(f"{short(value)} is an expression of SymPy: {OF_SYMBOLS}")
     is_number = isinstance(value, np.number) or hasattr(value, "as_integer_ratio")
@@ -149,6 +167,9 @@ def applied(name: str, *values: Any) -> Any:
     tracer = next((each.tracer for each in values if isinstance(each, Symbol)), None)
     if tracer is None:  # numbers, such as some entries of arrays
         return _of_numbers(name, values)
+    if any(isinstance(each, _COMPLEX) for each in values):
+        return _of_complex(tracer, name, values)
+    name = "positive" if name == "conjugate" else name
     if name == "where":
         condition, *rest = values
         if not isinstance(condition, Symbol):
@@ -198,7 +219,8 @@ def _function(name: str) -> tuple[Callable[..., Any], int]:
     if name in _SHORTER:
         return _SHORTER[name], 1
     word = {"invert": "bitwise_not"}.get(name, name)
-    word = word if word.startswith("bitwise") else OTHER_NAMES.get(word, word)
+    if word != "conjugate" and not word.startswith("bitwise"):
+        word = OTHER_NAMES.get(word, word)
     record = FUNCTIONS.get(OTHER_NAMES.get(word, word))
     if record is None:
         known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
@@ -248,11 +270,18 @@ def _product(a: Any, b: Any) -> Any:
     if not isinstance(b, Symbols) or b.ndim != 1 or isinstance(a, Symbols):
         return None
     a = _as_array(a)
-    if a.ndim != 2 or a.dtype.kind not in "fiub" or a.shape[1] != len(b) or not is_large(a):
+    if a.ndim != 2 or a.dtype.kind not in "fiubc" or a.shape[1] != len(b) or not is_large(a):
         return None
     tracer = next((each.tracer for each in b if isinstance(each, Symbol)), None)
     if tracer is None or not (tracer.has_products and np.isfinite(a).all()):
         return None
+    if a.dtype.kind == "c" or any(isinstance(each, _COMPLEX) for each in b):
+        real, imag = a.real @ b.real, a.real @ b.imag
+        if a.dtype.kind == "c":
+            real, imag = real - a.imag @ b.imag, imag + a.imag @ b.real
+        return _wrapped(
+            np.frompyfunc(functools.partial(Complex, tracer), 2, 1)(*map(_base, (real, imag)))
+        )
     emit = tracer.values.emit
     whole = emit(DenseMatrix(a), *map(tracer.number, b))
     return Symbols.of([Symbol(tracer, emit(ENTRY, whole, float(i))) for i in range(len(a))])
@@ -396,7 +425,35 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.clip: _clip,
     np.interp: interpolated,
     np.select: _select,
+    # Functions of NumPy that ask for the type of an array, which is "object" here.
+    np.angle: lambda z, deg=False: _on_angles(z) * (180.0 / math.pi if deg else 1.0),
+    np.correlate: lambda a, v, *mode: _plain("correlate", a, np.conj(v), *mode),
+    np.iscomplex: lambda z: np.imag(z) != 0,
+    np.iscomplexobj: lambda z: _are_complex(z),
+    np.isrealobj: lambda z: not _are_complex(z),
+    np.linalg.norm: lambda z, *others, **options: _norm(z, *others, **options),
 }
+
+
+def _on_angles(z: Any) -> Any:
+    return _wrapped(np.frompyfunc(functools.partial(applied, "angle"), 1, 1)(_base(z)))
+
+
+def _are_complex(z: Any) -> bool:
+    return any(isinstance(each, _COMPLEX) for each in np.ravel(_base(z)).tolist())
+
+
+def _norm(z: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    is_plain = ord is None or (ord, np.ndim(z)) in ((2, 1), ("fro", 2), ("f", 2))
+    if axis is None and is_plain and _are_complex(z):
+        return np.sqrt(np.sum(abs(np.ravel(z)) ** 2))
+    return _plain("linalg.norm", z, ord, axis, keepdims)
+
+
+def _plain(name: str, *given: Any) -> Any:
+    """Return the value of NumPy's code of a function, without its dispatch."""
+    function: Any = operator.attrgetter(name)(np)
+    return _wrapped(function._implementation(*given))
 
 
 def _of_function(self: Any, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
@@ -433,6 +490,14 @@ class Symbols(np.ndarray[Any, Any]):
         if isinstance(index, str):
             raise Untraceable(f"components have numbers in f: write x[0] in place of x[{index!r}]")
         return super().__getitem__(index)
+
+    @property  # type: ignore[misc]
+    def real(self) -> Any:
+        return _part("real", self)
+
+    @property  # type: ignore[misc]
+    def imag(self) -> Any:
+        return _part("imag", self)
 
     def __bool__(self) -> bool:
         if self.size == 1:
@@ -473,6 +538,8 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         """Return the number, which is real; products of NumPy call this."""
         return self
 
+    conj, real, imag = conjugate, property(conjugate), 0.0
+
     def __bool__(self) -> bool:
         raise _asked(str(self))
 
@@ -502,3 +569,81 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 _METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}
+
+
+class Complex(Symbol):
+    """A complex symbolic number: its parts are real symbols, or a symbol and a number."""
+
+    __slots__ = ("imag", "real")
+
+    def __init__(self, tracer: Any, real: Any, imag: Any) -> None:
+        self.tracer, self.real, self.imag = tracer, _number(real), _number(imag)
+
+    @property
+    def operand(self) -> Any:
+        how = "take z.real, z.imag or abs(z), or name the variable: Field(f, names, complex=...)"
+        raise Untraceable(f"{self} is complex, where a real number is wanted: {how}")
+
+    def conjugate(self) -> Any:
+        return applied("conjugate", self)
+
+    conj = conjugate
+
+    def __repr__(self) -> str:
+        return f"({self.real} + i*({self.imag}))"
+
+
+_COMPLEX = Complex, complex, np.complexfloating
+
+
+def _part(name: str, array: Symbols) -> Any:
+    return _wrapped(np.frompyfunc(operator.attrgetter(name), 1, 1)(_base(array)))
+
+
+def _number(a: Any) -> Any:
+    """Return the number if a symbol is a constant."""
+    return a.operand if isinstance(a, Symbol) and isinstance(a.operand, float) else a
+
+
+def _parts(value: Any) -> tuple[Any, Any]:
+    """Return the real and the imaginary part of a number or symbol."""
+    if isinstance(value, _COMPLEX):
+        return value.real, value.imag
+    return value, 0.0
+
+
+def _of_complex(tracer: Tracer, name: str, values: Sequence[Any]) -> Any:
+    """Return the value of a function of numbers, of which some are complex and some symbolic."""
+    if name == "where":
+        condition, *rest = values
+        parts = zip(*map(_parts, rest), strict=True)
+        return Complex(tracer, *(applied(name, condition, *each) for each in parts))
+    given = [part for value in values for part in map(_number, _parts(value))]
+    if name in TO_REAL:
+        found = TO_REAL[name](*given)
+        if name == "absolute" and isinstance(found, Symbol):
+            tracer.squares[found.operand] = TO_REAL["square of absolute"](*given).operand
+        return found
+    if name not in RULES:
+        how = f"take z.real, z.imag or abs(z), or write {', '.join(RULES)}"
+        raise Untraceable(f"{name} of a complex number: {how}")
+    return Complex(tracer, *RULES[name](*given))
+
+
+def joined_symbols(symbols: Sequence[Symbol], names: Sequence[str]) -> dict[str, Symbol]:
+    """Return symbols by name, one for each pair of names."""
+    of: dict[str, Any] = dict(zip(names, symbols, strict=True))
+    for name in names:
+        if name.endswith(".imag"):
+            real, imag = of[f"{name[:-5]}.real"], of[name]
+            of[name[:-5]] = Complex(real.tracer, real, imag)
+    return {name: of[name] for name in whole(tuple(names))}
+
+
+def flat(tracer: Any, variables: Any, values: Any) -> list[Any]:
+    """Return the operands of values of variables: two for each complex variable."""
+    operands: list[Any] = []
+    for variable, value in zip(variables, values, strict=True):
+        parts = _parts(value) if isinstance(variable, Complex) else [value]
+        operands += map(tracer.result, parts)
+    return operands

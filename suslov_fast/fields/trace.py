@@ -14,7 +14,7 @@ from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import STEPS, answer
 from . import symbolic
 from .names import TIME, of_time
-from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable
+from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, flat
 
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
@@ -168,7 +168,10 @@ def operands_of_function(
         try:
             parts = _parts(argument, result, len(tracer.state))
             alone = (a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts)
-            calls.append([*map(tracer.result, alone)])
+            if argument in ("H", "surface", "mass", "constraints"):
+                calls.append([*map(tracer.result, alone)])
+            else:
+                calls.append(flat(tracer, tracer.state, [*alone]))
         except (TypeError, ValueError) as error:
             raise type(error)(f"{argument}: {error}") from None
     first, second = ([*map(repr, each)] for each in calls)  # numbers: equal operations share one

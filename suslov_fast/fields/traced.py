@@ -15,13 +15,14 @@ from ..checks import FloatArray, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.programs import Program, emitted
 from ..keywords import public
+from ..pairs import joined, split_values, whole
 from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of
 from .equations import LONGEST, Equations
 from .exact_numbers import named_parameters, numbers_by_name, to_lists
 from .names import labels, variables
 from .right_hand_sides import by_code_if_often
-from .symbolic import Symbol, Symbols, Tracer
+from .symbolic import Symbol, Symbols, Tracer, flat, joined_symbols
 from .trace import called_by_name
 
 # Keys of the parts of a field or map other than its parameters. They contain spaces, because a
@@ -29,7 +30,7 @@ from .trace import called_by_name
 NAMES, EQUATIONS = "names of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
 # Attributes that are the same for all values of the parameters, if the parameters are numbers.
-_COMMON = {*"_coordinates dimension names _labels _equations shape _tables_of_time".split()}
+_COMMON = {*"_shown _coordinates dimension names _labels _equations shape _tables_of_time".split()}
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -70,6 +71,7 @@ class Traced(Body):
         array([-6.])
         """
         known = self._coordinates
+        parameters = split_values(parameters, known)
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known) or 'none'}; defaults of f are constants"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
@@ -86,6 +88,10 @@ class Traced(Body):
             _labels=parts[NAMES],
             _equations=parts.get(EQUATIONS),
         )
+
+    @cached_property
+    def _shown(self) -> Any:
+        return whole(self.names)
 
     @property
     def _shared(self) -> dict[str, Any]:
@@ -120,7 +126,9 @@ class Traced(Body):
             raise TypeError(f"system(x) takes the state alone: pass {how}")
         if isinstance(x[0], Symbols):
             return self._traced_at(x[0])
-        return self._value(checks.states("x", x[0], self.names))
+        found = self._value(checks.states("x", x[0], self.names))
+        # States of the engine, which are real, have real rates.
+        return found if np.shape(x[0])[-1:] == found.shape[-1:] else joined(self, found)
 
     def _value(self, x: FloatArray) -> FloatArray:
         """Return f(x) (..., D) at checked states."""
@@ -190,14 +198,16 @@ class Traced(Body):
     def _traced_at(self, x: Symbols) -> Any:
         """Return f(x) of symbols."""
         tracer, D, equations = x[0].tracer, self.dimension, self._program
-        new = {i: x[i].operand for i in range(D)}
-        given = tracer.parameters
+        own = Tracer(self.names, ()).state
+        new = dict(enumerate(flat(tracer, own, x)))
+        given = tracer.real_parameters
         for k, (name, value) in enumerate(zip(equations.parameters, self._inputs, strict=True), D):
             if self.shape and name not in given:
                 raise TypeError(f"f(x) of a family needs its parameter {name} here")
             new[k] = given[name].operand if name in given else float(value)
         program = Program(equations.values.operations, equations.results)
-        return Symbols.of([Symbol(tracer, a) for a in emitted(tracer.values, program, new)])
+        symbols = [Symbol(tracer, a) for a in emitted(tracer.values, program, new)]
+        return Symbols.of([*joined_symbols(symbols, self.names).values()])
 
     # ------------------------------------------------------------------------------ texts
     @property
@@ -272,7 +282,7 @@ def operands_of_texts(
     checks.instance("definitions", definitions, Mapping)
     given = named_parameters(parameters, names)
     tracer = Tracer(names, [*given])
-    known = dict(zip(names, tracer.state, strict=True)) | tracer.parameters
+    known = tracer.known
     values = values_of([*definitions.items(), *enumerate(rows)], known, called_by_name)
     try:
         return tracer, [tracer.result(values[k]) for k in range(len(rows))], given

@@ -25,6 +25,7 @@ from ..fields.html import html_table
 from ..fields.map import Map
 from ..fields.names import labels
 from ..keywords import lacking, public
+from ..pairs import joined
 from ..results.result import place_in
 from ..status import Status
 
@@ -255,7 +256,8 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         name = field._labels[min(clocks)]
         how = f"which has a constant rate: {name} was held at its start"
         warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
-    return Equilibria(x, values, status, attracts & is_found, np.where(is_found, kind, ""))
+    kind = np.where(is_found, kind, "")
+    return Equilibria(joined(body, x), values, status, attracts & is_found, kind)
 
 
 def _kinds(values: Any, rounding: Any, is_map: bool) -> tuple[NDArray[np.str_], Any]:

@@ -329,7 +329,7 @@ class TracedEvent:
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
         """Return formulas, given as texts, as operands; messages name `argument`."""
         tracer = self.tracer
-        known = dict(zip(self.names, tracer.state, strict=True)) | tracer.parameters
+        known = tracer.known
         each = [*self.event._definitions.items(), *enumerate(texts)]
         try:
             values = values_of(each, known, trace.called_by_name)

@@ -18,6 +18,7 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..fields.html import html_table
+from ..pairs import joined
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
@@ -298,7 +299,8 @@ def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -
     numbers = columns["trajectory"] * C + columns["which"]
     # If numbers in a file are out of range, `bincount` or `reshape` raises a ValueError.
     count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
-    final = np.full(motion.states.shape[1:], np.nan)
+    columns = columns | {k: joined(motion.body, columns[k]) for k in ("before", "states")}
+    final = np.full(motion.states.shape[1:], np.nan, motion.states.dtype)
     if len(motion.time):
         final[...] = motion.states[-1]
     is_stopped = status == Status.STOPPED

@@ -21,6 +21,7 @@ from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
+from ..pairs import joined
 from ..results.result import read_only
 from . import motion_arguments
 from .event import Event
@@ -209,7 +210,7 @@ def solved(
         status, again = (a.reshape(batch) for a in (result.ends.status, result.ends.repeated))
         end = np.where(status, result.ends.t.reshape(batch), last)
     arrays = {
-        "states": result.states.reshape((len(times), *batch, x.shape[1])),
+        "states": joined(body, result.states.reshape((len(times), *batch, x.shape[1]))),
         "time": times,
         "status": status,
         "end": end,

@@ -18,6 +18,7 @@ from ..fields.field import Field, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import lacking, public
+from ..pairs import joined
 from .event import Event
 from .events import checked_events
 from .motion_arguments import checked_settings
@@ -172,6 +173,7 @@ def periodic_orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
+        orbit = orbit._replace(state=joined(body, orbit.state))
         if not (orbit.stable or motion.is_forced):  # attractors, forced orbits may be far from x0
             _warn_of_distance(search, x)
     return orbit

@@ -12,6 +12,7 @@ from ..keywords import public
 from ..maps.batch import BatchRun
 from ..maps.map_records import Method, eps_and_steps, eps_of, map_of
 from ..maps.problem import check
+from ..pairs import joined
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
 from .trajectories import Trajectories
 
@@ -69,13 +70,13 @@ def step(
     problem = check(map, system, x, eps_of("step", system, eps), threads, method=method)
     batch_run = BatchRun(problem)
     if (after := batch_run.of_one()) is not None:
-        return after
+        return joined(system, after)
     batch_run.to(1)
     if np.count_nonzero(batch_run.status):
         # `step` reports neither passed poles nor given states with NaN, which fail at step 0.
         batch_run.status[(batch_run.status > 0) | (batch_run.failed_at == 0)] = 0
         report_failures(batch_run, batch_run, "warn")
-    return batch_run.final
+    return joined(system, batch_run.final)
 
 
 @public
@@ -180,14 +181,14 @@ def iterate(
         saved, turns = batch_run.to(steps, save_every or 0, report=report)
     run = Trajectories._of(
         {
-            "states": saved,
+            "states": joined(problem.body, saved),
             "eps": problem.eps,
             "body": problem.body,
             "map": problem.map,
             "status": batch_run.status,
             "failed_at": batch_run.failed_at,
             "first_pole": batch_run.first_pole,
-            "final": batch_run.final,
+            "final": joined(problem.body, batch_run.final),
             "method": method,
             "steps": batch_run.n,  # fewer, if `progress` ended the run
             "save_every": save_every,

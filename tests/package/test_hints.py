@@ -52,7 +52,7 @@ ROWS = [
     ("Field.from_equations('x\\' = v; v\\' = sin(t)')", "t' = 1"),
     ("Field.from_equations('x\\' = x : volt')", "without units"),
     ("sf.Event(times=[[1, 2], [3]], to=lambda x: x)", "filled with nan"),
-    ("flow(PENDULUM, [1j, 0.0], time=1)", "split"),
+    ("flow(PENDULUM, [1j, 0.0], time=1)", "complex=True"),
     ("sf.equilibria(PENDULUM, [0.1, 0]).eigenvectors", r"np\.linalg\.eig"),
     ("sf.equilibria(PENDULUM, [0.1, 0]).jacobian", r"field\.jacobian"),
     ("MOTION.jacobian", r"body\.jacobian\(run\.states\)"),

@@ -22,6 +22,7 @@ from . import checks
 from .calls import Progress, reporter
 from .checks import Reals, common_shape, extra, warn, wrong
 from .fields.base import Body
+from .fields.field import starts_of
 from .keywords import public, refuse_unknown
 from .motions.events import checked_events
 from .motions.flow import flow
@@ -132,7 +133,7 @@ def ensemble(
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
-    states = checks.states("x0", x0(0) if callable(x0) else x0, system._labels)
+    states = starts_of(system, x0(0) if callable(x0) else x0)
     given = {"system": system, "x0": states, **options, **of_function}
     batch = _batch_of(given, count if callable(x0) else 0)
     N = batch[-1]
@@ -341,7 +342,7 @@ def _write(
 ) -> slice:
     """Compute chunk k, and write it to the store, the status last; return its place."""
     system, x0 = given.pop("system"), given.pop("x0")
-    states = checks.states(f"x0({k})", x0(k), system._labels) if callable(x0) else x0
+    states = starts_of(system, x0(k), f"x0({k})") if callable(x0) else x0
     data = to_xarray(function(system, states, **given), names)
     if data.sizes[_AXIS] != where.stop - where.start:
         raise wrong(f"x0({k})", "as many states as x0(0)", f"of shape {states.shape}")

@@ -20,12 +20,19 @@ from .base import Body, frozen
 from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .mass import parted, rates
-from .names import check_for_map, variables, with_pairs
+from .names import CLOCK, TIME, check_for_map, variables, with_pairs
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
 from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
-from .trace import check_callable, check_function, operands_of_function
+from .trace import (
+    Timed,
+    check_callable,
+    check_function,
+    operands_of_function,
+    timed,
+    without_clock,
+)
 from .traced import EQUATIONS, INDICES, NAMES, VALUES, Traced, operands_of_texts, parts_of
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
@@ -49,8 +56,9 @@ class Field(Traced):
     ----------
     f : callable
         Takes the state x, an array of D variables, and parameters by name, and returns the D
-        derivatives. If f depends on time, time is a variable with the rate 1:
-        ``lambda s: (..., 1.0)`` and names ``"x v t"``. f is called twice, with equal results.
+        derivatives. A function f(t, x) or f(x, t) of SciPy's form is read, too: if its formulas
+        contain t, the field has one more variable, the last, t with the rate 1, and x0 of
+        :func:`flow` may leave it out: then it is 0. f is called twice, with equal results.
     names : str, sequence of str or int
         The names of the variables, ``"u v w"``, or their number, for x1, ..., xD.
     mass : callable or array_like(float, shape=(D, D)), optional
@@ -81,7 +89,8 @@ class Field(Traced):
     ------
     TypeError, ValueError
         If f takes other arguments, returns another number of derivatives, calls a function that
-        cannot be used, or asks whether a symbol is true, as ``if`` does; if its two results differ;
+        cannot be used, or asks too often whether a symbol is true, as a loop does; if its two
+        results differ;
         or if M is singular.
 
     See Also
@@ -138,13 +147,19 @@ class Field(Traced):
         if mass is not None and has_pairs(names):
             raise wrong("mass", "left out beside complex variables", error=TypeError)
         if mass is None:
+            f = timed(f, parameters)
             check_function("f", f, names, parameters)
+            has_added = isinstance(f, Timed) and names[-1] != CLOCK
+            names = (*names, CLOCK) if has_added else names
         else:
             f, mass = parted(f, mass, names, parameters)
         values = named_parameters(split_values(parameters), names)
         tracer = Tracer(names, [*values], has_products=mass is None)
         tracer, rows = operands_of_function("f", f, names, values, tracer)
-        rows = rows if mass is None else rates(tracer, mass, rows)
+        if mass is not None:
+            rows = rates(tracer, mass, rows)
+        elif has_added and (smaller := without_clock(tracer, rows[:-1])):
+            (tracer, rows), names = smaller, names[:-1]
         check_equalities(tracer.values, names, rows)
         self._take(parts_of(tracer, names, rows, values))
 
@@ -554,6 +569,12 @@ class Field(Traced):
         return self._equations is not None and self._equations.H is not None
 
     # ------------------------------------------------------------------------------ motion
+    @property
+    def _has_clock(self) -> bool:
+        """True if the last variable is the time t: x0 may leave it out, then it starts at 0."""
+        is_named = self.names[-1] == CLOCK and self._equations is not None
+        return is_named and repr(self._equations.products[1][self.dimension - 1]) == "1.0"
+
     def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""
         if self._equations is None:
@@ -684,6 +705,20 @@ class Field(Traced):
         return cls._of({**given, NAMES: names, EQUATIONS: of_H})
 
 
+def starts_of(system: Any, x0: Any, name: str = "x0") -> FloatArray:
+    """Return initial states (..., D); the time of a field that depends on it may be left out."""
+    labels = system._labels
+    if labels[-1] == CLOCK and isinstance(system, Field) and system._has_clock:
+        if isinstance(x0, Mapping) and not hasattr(x0, "dims"):
+            x0 = {CLOCK: 0.0, **x0}
+        elif np.shape(x0)[-1:] == (len(system._shown) - 1,) or (
+            np.ndim(x0) == 0 and len(system._shown) == 2
+        ):
+            x = checks.states(name, x0, labels[:-1])
+            x0 = np.concatenate([x, np.where(np.isnan(x[..., :1]), np.nan, 0.0)], axis=-1)
+    return checks.states(name, x0, labels)
+
+
 def system_of(system: Any, x0: Any) -> Any:
     """Return the system; for a function of the state, a field with the variables of x0."""
     if isinstance(system, Body):
@@ -695,7 +730,7 @@ def system_of(system: Any, x0: Any) -> Any:
     is_complex = np.iscomplexobj(x0)
     D = (1, *checks.real_array("x0", np.real(x0) if is_complex else x0, True).shape)[-1]
     others = arguments_of(system)[1:]
-    if others and not {"t", "time"} & {*arguments_of(system)}:
+    if others and not TIME & {*arguments_of(system)}:
         values = ", ".join(f"{name}=..." for name in others)
         how = f"Field(f, {D}, {values})"
         raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")

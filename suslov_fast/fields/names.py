@@ -14,6 +14,7 @@ from ..pairs import split_names
 # Limits of files: the characters of a name, and the number of variables.
 _LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
 TIME = {"t", "time"}
+CLOCK = "t"  # the variable of a field of a function f(t, y)
 # Names that a parameter cannot have, and what they stand for.
 _TAKEN = {
     **dict.fromkeys(TIME, "time, which is a variable"),

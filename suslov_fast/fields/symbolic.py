@@ -13,6 +13,7 @@ import operator
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from fractions import Fraction
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
@@ -32,8 +33,22 @@ from .equation_text import brief
 TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
 
 
+class _Made(threading.local):
+    count = 0  # how many errors `Untraceable` this thread has made
+
+
+MADE = _Made()
+
+
 class Untraceable(TypeError):
     """The function of the user contains an operation that no expression program has."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        MADE.count += 1  # f may catch the error, and would return a wrong formula
+
+
+_OF_EARLIER = "f keeps symbols of an earlier call: compute all from x"
 
 
 class Tracer:
@@ -51,6 +66,8 @@ class Tracer:
             self.parameters = joined_symbols([*self.parameters.values()], parameters)
         self.squares: dict[int, Any] = {}  # {operand of a modulus: operand of its square}
         self.ratios: dict[float, Fraction] = {}  # {nearest float: fraction that is no float}
+        self.other = ""  # why symbols of this tracer cannot be used beside those of others
+        self.decide: Callable[[Symbol], bool] | None = None  # see `branching`
 
     @property
     def state(self) -> Symbols:
@@ -75,7 +92,7 @@ class Tracer:
         """Return the operand of a symbol or a number; True and False stay as they are."""
         if isinstance(value, Symbol):
             if value.tracer is not self:
-                raise Untraceable("f keeps symbols of an earlier call: compute all from x")
+                raise Untraceable(self.other or value.tracer.other or _OF_EARLIER)
             return value.operand
         if isinstance(value, (bool, np.bool_)):
             return bool(value)
@@ -325,7 +342,7 @@ def _wrapped(value: Any) -> Any:
     return value
 
 
-_MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
+MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
 _as_array = np.asarray  # NumPy's own: `called_with_symbols` replaces `np.asarray`
 _ONE_CALL = threading.RLock()
 if hasattr(
@@ -349,22 +366,30 @@ class _Maker:
         return self.name
 
 
-def called_with_symbols(f: Any, state: Symbols, /, **parameters: Any) -> Any:
+def called_with_symbols(
+    f: Any, state: Symbols, within: AbstractContextManager[None], /, **parameters: Any
+) -> Any:
     """Return the value of f, for which `np.array` and similar functions return `Symbols`.
 
-    NumPy's own functions would return arrays of objects, which cannot be compared, and cannot be
-    overridden by a class. So they are replaced in NumPy's module during the call; other threads see
-    no change.
+    The call is in the context `within`. NumPy's own functions would return arrays of objects, which
+    cannot be compared, and cannot be overridden by a class. So they are replaced in NumPy's module
+    during the call; other threads see no change.
     """
-    caller = threading.get_ident()
+    caller, before = threading.get_ident(), MADE.count
 
     with _ONE_CALL:
-        plain = {name: getattr(np, name) for name in _MAKERS}
+        plain = {name: getattr(np, name) for name in MAKERS}
         try:
             vars(np).update((k, _Maker(k, make, caller)) for k, make in plain.items())
-            return f(state, **parameters)
+            with within:
+                value = f(state, **parameters)
         finally:
             vars(np).update(plain)
+    if MADE.count > before:
+        raise Untraceable(
+            "f catches an error of its call with symbols, which `except` hides: leave it out"
+        )
+    return value
 
 
 def _where(condition: Any, *values: Any) -> Any:
@@ -420,7 +445,19 @@ def interpolated(
     return _wrapped(np.frompyfunc(of_one, 1, 1)(_base(x)))
 
 
+def _isclose(a: Any, b: Any, rtol: float = 1e-5, atol: float = 1e-8) -> Any:
+    return abs(a - b) <= atol + rtol * abs(b)
+
+
+def _piecewise(x: Any, conditions: Any, functions: Any, *given: Any, **options: Any) -> Any:
+    values = [f(x, *given, **options) if callable(f) else f for f in functions]
+    last = values.pop() if len(values) > len(conditions) else 0.0
+    return _select(conditions[::-1], values[::-1], last)  # NumPy takes the last one that is true
+
+
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.isclose: _isclose,
+    np.piecewise: _piecewise,
     np.where: _where,
     np.clip: _clip,
     np.interp: interpolated,
@@ -502,10 +539,10 @@ class Symbols(np.ndarray[Any, Any]):
     def __bool__(self) -> bool:
         if self.size == 1:
             return bool(self.item())
-        raise _asked("an array of conditions")
+        raise asked("an array of conditions")
 
 
-def _asked(what: str) -> Exception:
+def asked(what: str) -> Exception:
     """Return the error of a function that asks whether a symbolic value is true."""
     how = "np.where(condition, a, b), & | ~ in place of and, or, not, np.maximum in place of max"
     return Untraceable(
@@ -541,7 +578,9 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     conj, real, imag = conjugate, property(conjugate), 0.0
 
     def __bool__(self) -> bool:
-        raise _asked(str(self))
+        if self.tracer.decide is None:
+            raise asked(str(self))
+        return bool(self.tracer.decide(self))
 
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float and math cannot convert it"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from difflib import get_close_matches
 from typing import Any
 
@@ -11,13 +12,70 @@ import numpy as np
 
 from ..checks import OF_SYMBOLS, arguments_of, either, short, signature_of, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
+from ..core.expressions.programs import Program, emitted, in_order
 from ..words import STEPS, answer
 from . import symbolic
-from .names import TIME, of_time
+from .branching import along_all_paths
+from .names import CLOCK, TIME, of_time
+from .script_functions import as_in_scripts
 from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, flat
 
+_FAILURES = TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
+
+
+class Timed:
+    """A function f(t, y) or f(y, t) of SciPy's form, as a function of the state y alone."""
+
+    def __init__(self, f: Any, signature: inspect.Signature, place: int) -> None:
+        self.function, self.place, self.time = getattr(f, "py_func", f), place, Symbol(None, None)
+        others = [a for k, a in enumerate(signature.parameters.values()) if k != place]
+        self.__signature__ = signature.replace(parameters=others)
+
+    def __call__(self, y: Any, **parameters: Any) -> Any:
+        pair = (y, self.time) if self.place else (self.time, y)
+        return self.function(*pair, **{k: parameters[k] for k in taken(self, parameters)})
+
+    def given(self, state: Symbols, tracer: Tracer) -> Symbols:
+        """Take the time from a state, whose last variable it is if the field has one; return y."""
+        if tracer.names[tracer.D - 1] == CLOCK:
+            self.time = state[-1]
+            return state[:-1]
+        tracer = Tracer([CLOCK], [])
+        tracer.other = "the equations of this system do not depend on time, which it reads"
+        self.time = tracer.state[0]
+        return state
+
+
+def timed(f: Any, parameters: Iterable[str] = ()) -> Any:
+    """Return f as a `Timed` function if its first or second argument is the time, t or time."""
+    signature = signature_of(f)
+    if signature is None or len(signature.parameters) < 2:
+        return f
+    pair = [*signature.parameters.values()][:2]
+    places = [k for k, each in enumerate(pair) if each.name in TIME]
+    ordinary = pair[0].POSITIONAL_ONLY, pair[0].POSITIONAL_OR_KEYWORD
+    if len(places) != 1 or any(a.kind not in ordinary or a.name in parameters for a in pair):
+        return f
+    return Timed(f, signature, places[0])
+
+
+def without_clock(tracer: Tracer, rows: list[Any]) -> tuple[Tracer, list[Any]] | None:
+    """Return a tracer without the last variable, the time, and the operands `rows` there.
+
+    Return None if these operands depend on the time.
+    """
+    values, results = in_order(tracer.values, rows)
+    D, used = tracer.D - 1, [*results, *(a for _, _, of in values.operations for a in of)]
+    if any(a == D for a in used if type(a) is int):
+        return None
+    smaller = Tracer(tracer.names[:D], tracer.names[D + 1 :], tracer.has_products)
+    new = {a: a - (a > D) for a in range(len(tracer.names))}
+    rows = emitted(smaller.values, Program(values.operations, results), new)
+    smaller.values.take_written(values, new)
+    smaller.ratios = tracer.ratios
+    return smaller, rows
 
 
 def check_callable(argument: str, f: Any) -> None:
@@ -63,6 +121,8 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
             how += f": use {meant}"
     elif missing:
         how = f"pass values of its parameters, as {', '.join(f'{name}=1.0' for name in missing)}"
+        if argument == "f":
+            how += f"; if {missing[0]} is the time, name it t"
         if len(missing) == len(names) - 1:
             how += f", or lambda x: {argument}(*x) if these are the variables"
     else:
@@ -91,17 +151,24 @@ def taken(f: Any, names: Iterable[str]) -> list[str]:
 
 def taking(f: Any, names: Sequence[str]) -> Any:
     """Return f as a function of the state and all parameters; it uses only `names`."""
+    if isinstance(f, Timed):
+        return f
     plain = getattr(f, "py_func", f)  # if Numba compiled f
     return lambda x, **parameters: plain(x, **{name: parameters[name] for name in names})
 
 
-def called(argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any]) -> Any:
+def called(
+    argument: str, f: Any, state: Symbols, parameters: Mapping[str, Any], as_script: bool = False
+) -> Any:
     """Return the value of f at symbols; raise TypeError or ValueError if f does not accept them."""
     try:
         plain = getattr(f, "py_func", f)  # if Numba compiled f
-        return symbolic.called_with_symbols(plain, state.copy(), **parameters)
-    except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
-        text = " ".join(str(error).split()).replace("'Symbols' object", "the state of symbols")
+        within = as_in_scripts(plain) if as_script else nullcontext()
+        return symbolic.called_with_symbols(plain, state.copy(), within, **parameters)
+    except _FAILURES as error:
+        text = " ".join((str(error) or repr(error)).split()).replace(
+            "'Symbols' object", "the state of symbols"
+        )
         text = text.replace("'Symbol' object", "a symbol")
         if "Cannot cast" in text:  # a part of a message of NumPy
             text = "a function that is no formula needs numbers"
@@ -161,24 +228,51 @@ def operands_of_function(
     tracer: Tracer | None = None,
 ) -> tuple[Tracer, list[Any]]:
     """Return the tracer with which f was called, and the operands of f, of [H], or of M by rows."""
-    tracer = tracer or Tracer(names, [*parameters])
+    tracer, before = tracer or Tracer(names, [*parameters]), symbolic.MADE.count
+    try:
+        return tracer, _by_two_calls(argument, f, tracer, False)
+    except (TypeError, ValueError):
+        pass
+    rows = _by_two_calls(argument, f, tracer, True)
+    symbolic.MADE.count = before  # so that a function that makes this field is no suspect
+    return tracer, rows
+
+
+def _by_two_calls(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list[Any]:
+    """Return the operands of f after two calls, along all paths if f is called as a script."""
     calls = []
     for _ in range(2):
-        result = called(argument, f, tracer.state, tracer.parameters)
+
+        def once() -> list[Any]:
+            return _by_one_call(argument, f, tracer, as_script)
+
         try:
-            parts = _parts(argument, result, len(tracer.state))
-            alone = (a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts)
-            if argument in ("H", "surface", "mass", "constraints"):
-                calls.append([*map(tracer.result, alone)])
-            else:
-                calls.append(flat(tracer, tracer.state, [*alone]))
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"{argument}: {error}") from None
+            calls.append(along_all_paths(tracer, once) if as_script else once())
+        except Untraceable as error:
+            raise TypeError(f"{argument}: {error}") from error
     first, second = ([*map(repr, each)] for each in calls)  # numbers: equal operations share one
     if first != second:
         how = "f must compute from x and its parameters alone, without random numbers or memory"
         raise ValueError(f"{argument}: two calls of f differ: {how}")
-    return tracer, calls[0]
+    return calls[0]
+
+
+def _by_one_call(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list[Any]:
+    state, last = tracer.state, []
+    if isinstance(f, Timed):
+        y = f.given(state, tracer)
+        if len(y) < len(state) and argument != "surface":
+            last = [1.0 if argument == "f" else f.time]
+        state = y
+    result = called(argument, f, state, tracer.parameters, as_script)
+    try:
+        parts = _parts(argument, result, len(state))
+        alone = (a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts)
+        if argument in ("H", "surface", "mass", "constraints"):
+            return [*map(tracer.result, [*alone, *last])]
+        return flat(tracer, tracer.state, [*alone, *last])
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{argument}: {error}") from None
 
 
 def called_by_name(name: str, arguments: Sequence[Any]) -> Any:

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.systems import System
-from ..checks import FloatArray, StatesLike, common_shape, first_index, short, spell, states, warn
+from ..checks import FloatArray, StatesLike, common_shape, first_index, short, spell, warn
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
-from ..fields.field import system_of
+from ..fields.field import starts_of, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..fields.names import labels
@@ -202,7 +202,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     (array([0.631354, 0.189406]), array([-1.923739,  0.155946]))
     """
     body: Any = system_of(system, near)
-    given = states("near", near, body._labels)
+    given = starts_of(body, near, "near")
     is_map = isinstance(body, Map)
     field = body._displacement if is_map else body._field
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})

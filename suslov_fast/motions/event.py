@@ -315,6 +315,7 @@ class TracedEvent:
         """Return the results of f, a function or texts, as operands; messages name `argument`."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
+        f = trace.timed(f, self.tracer.parameters)
         needed, known = checks.arguments_of(f), trace.taken(f, self.tracer.parameters)
         others = [name for name in needed[1:] if name not in known]
         if others and not TIME & {*needed}:

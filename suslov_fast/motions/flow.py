@@ -151,7 +151,7 @@ def flow(
     x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
         motion_arguments.check_constraints(body, x.reshape(*batch, x.shape[1]))
-        motion_arguments.warn_of_times(body, x, times)
+        motion_arguments.warn_of_times(body, x, times, x0)
         if sign > 0 and body._tables_of_time:
             motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))
     if acting:

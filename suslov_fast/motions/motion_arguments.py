@@ -13,6 +13,7 @@ from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
+from ..fields.field import starts_of
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
@@ -148,7 +149,7 @@ def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
     """Return initial states (B, D) and the batch shape; `others` is the batch of event times."""
-    x = checks.states("x0", x0, system._labels)
+    x = starts_of(system, x0)
     if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
         return x[np.newaxis], ()
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
@@ -181,11 +182,17 @@ def check_constraints(field: Any, x: FloatArray) -> None:
         raise wrong("x0", "on the constraints", f"off by {errors[where]:.3g}{at}: {how}")
 
 
-def warn_of_times(field: Any, x: FloatArray, times: FloatArray) -> None:
+def warn_of_times(field: Any, x: FloatArray, times: FloatArray, x0: Any = None) -> None:
     """Warn if the first time equals a time variable in x0, because times count from x0."""
     if len(times) < 2 or times[0] == 0.0 or not len(x):
         return
     first = float(times[0])
+    given = "t" in x0 if isinstance(x0, Mapping) else np.shape(x0)[-1:] == (len(field._shown),)
+    if field._has_clock and not given:
+        checks.warn(
+            f"times count from x0, where t is 0: if x0 is the state at t = {first:g}, add "
+            f"{first:g} to its end, and pass time - {first:g}; else add 0"
+        )
     for clock in field._right_hand_sides[0][1].clocks:
         if (x[:, clock] == first).all():
             name = field._labels[clock]

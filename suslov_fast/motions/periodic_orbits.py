@@ -14,7 +14,7 @@ from ..checks import FloatArray, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
-from ..fields.field import Field, system_of
+from ..fields.field import Field, starts_of, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import lacking, public
@@ -180,7 +180,7 @@ def periodic_orbit(
 
 
 def _checked_start(system: Any, x0: Any) -> FloatArray:
-    x = checks.states("x0", x0, system._labels)
+    x = starts_of(system, x0)
     if system.shape or x.ndim > 1:
         expected = f"called with a single {type(system).__name__} and state"
         received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"

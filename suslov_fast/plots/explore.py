@@ -13,6 +13,7 @@ import numpy as np
 from .. import checks
 from ..bodies.systems import AnyBody, MapOrField
 from ..checks import FloatArray
+from ..fields.field import starts_of
 from ..keywords import public
 from ..motions.flow import flow
 from ..orbits.iterate import iterate
@@ -215,7 +216,7 @@ def explore(
     checks.instance("system", system, MapOrField)
     D = system.dimension
     of_map = (eps, steps) != (None, None)
-    start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else checks.states("x0", x0, system._labels)
+    start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else starts_of(system, x0)
     if start.shape != (D,):
         raise checks.wrong("x0", f"have the shape ({D},)", start.shape)
     if of_map and time is not None:

@@ -89,7 +89,7 @@ def _find_columns(code):
 
 
 def _estimate_errors(code, kept, sizes):
-    """Return inputs of `step_length.AFTER` by name, such as `ratio`, the error / allowed error.
+    """Return inputs of `step_length.after` by name, such as `ratio`, the error / allowed error.
 
     `kept` and `sizes` are results of `find_next_state`.
     """

@@ -1,0 +1,102 @@
+"""Functions with `if` on symbols: each path is traced, and `select` joins their results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..core.expressions.function_records import same
+from .symbolic import Symbol, Tracer, Untraceable, asked
+
+MOST = 64  # the most paths, and the most decisions on one of them
+# Comparisons of a value a with a constant c, by whether a comes first: whether a is below a cut
+# when they are true, and the place of this cut: 0 just below c, 1 just above it.
+_CUTS = {
+    ("olt", True): (True, 0),
+    ("ogt", True): (False, 1),
+    ("oge", True): (False, 0),
+    ("olt", False): (False, 1),
+    ("ogt", False): (True, 0),
+    ("oge", False): (True, 1),
+}
+_Cut = tuple[float, int]
+_ANYWHERE: tuple[_Cut, _Cut] = (-float("inf"), 0), (float("inf"), 1)
+
+
+class _Path:
+    """The truth values that one call of f was given, by operand, in the order of the questions."""
+
+    def __init__(self, tracer: Tracer, taken: dict[int, bool]) -> None:
+        self.tracer, self.given, self.new = tracer, taken, dict[int, bool]()
+        self.ranges: dict[int, tuple[_Cut, _Cut]] = {}
+        for key, value in taken.items():
+            self._note(key, value)
+
+    def decide(self, symbol: Symbol) -> bool:
+        """Return the truth value of a condition; True where nothing decides it yet."""
+        key = self.tracer.truth(symbol)
+        if isinstance(key, bool):
+            return key
+        for known in (self.given, self.new):
+            if key in known:
+                return known[key]
+        if (implied := self._implied(key)) is not None:
+            return implied
+        if len(self.given) + len(self.new) >= MOST:
+            raise asked(str(symbol))
+        self.new[key] = True
+        self._note(key, True)
+        return True
+
+    def _comparison(self, key: int) -> tuple[int, _Cut, bool] | None:
+        """Return (a, cut, whether a is below it) for a comparison of a value with a constant."""
+        name, of = self.tracer.values.parts_of(key)
+        is_first = len(of) == 2 and type(of[1]) is float
+        if (name, is_first) not in _CUTS or is_first is (type(of[0]) is float):
+            return None
+        is_below, side = _CUTS[name, is_first]
+        return of[not is_first], (of[is_first], side), is_below
+
+    def _note(self, key: int, value: bool) -> None:
+        if (found := self._comparison(key)) is not None:
+            a, cut, is_below = found
+            low, high = self.ranges.get(a, _ANYWHERE)
+            self.ranges[a] = (low, min(high, cut)) if is_below is value else (max(low, cut), high)
+
+    def _implied(self, key: int) -> bool | None:
+        """Return the value of a comparison that earlier ones imply, as t < 5 implies t < 6."""
+        if (found := self._comparison(key)) is None:
+            return None
+        a, cut, is_below = found
+        low, high = self.ranges.get(a, _ANYWHERE)
+        return is_below if high <= cut else not is_below if low >= cut else None
+
+
+def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
+    """Return the operands that `call` returns, where it may ask whether symbols are true."""
+    count = 0
+
+    def of(taken: dict[int, bool]) -> list[Any]:
+        nonlocal count
+        count += 1
+        path = _Path(tracer, taken)
+        tracer.decide = path.decide
+        rows = call()
+        questions = [*path.new]
+        for k in reversed(range(len(questions))):
+            key = questions[k]
+            if count >= MOST:
+                raise asked(str(Symbol(tracer, key)))
+            others = of({**taken, **dict.fromkeys(questions[:k], True), key: False})
+            if len(others) != len(rows):
+                raise Untraceable("returns different numbers of components after an `if`")
+            pairs = zip(rows, others, strict=True)
+            rows = [
+                a if same(a, b) else tracer.applied("where", [key, a, b]).operand for a, b in pairs
+            ]
+        return rows
+
+    try:
+        return of({})
+    finally:
+        tracer.decide = None

@@ -36,17 +36,19 @@ except ImportError:
 from .birational_maps import RationalMap
 from .darboux import cofactors, darboux_polynomials
 from .degrees_of_iterates import Growth, degrees, growth
-from .entropy import Contraction, PlanarEntropy, planar_entropy
-from .exact_maps import rational_map
+from .entropy import Condition, Contraction, PlanarEntropy, locus, planar_entropy
+from .exact_maps import kahan, rational_map
 from .hirota_kimura import HKBasis, hk_bases
-from .kahan_maps import KahanMap, kahan
+from .kahan_maps import KahanMap
 from .levels import Level, on_level
 from .linear_relations import ImplicitIntegral
+from .pencils import pencil
 from .rational_functions import RationalFunction
 from .report import Report, report
 from .zoo import zoo
 
 __all__ = [
+    "Condition",
     "Contraction",
     "Field",
     "Growth",
@@ -64,7 +66,9 @@ __all__ = [
     "growth",
     "hk_bases",
     "kahan",
+    "locus",
     "on_level",
+    "pencil",
     "planar_entropy",
     "rational_map",
     "report",

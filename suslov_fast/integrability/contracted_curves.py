@@ -14,7 +14,7 @@ if they are the multiplicities of the polynomials at the points of one orbit.
 """
 
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
@@ -224,7 +224,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     """
     if not passage.common_orders:
         return passage.steps is None
-    germs = _Germs(plane, number)
+    germs = Germs(plane, number)
     if plane.degrees[number] > 1 and germs.have_multiplicities(passage):
         return True
     expected = [*zip(passage.common_orders, passage.curve_orders, strict=True)]
@@ -238,12 +238,15 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     return False
 
 
-class _Germs:
+_OF_POINTS = ((2, 3), (5, 7), (11, -4)), ((3, -5), (7, 2), (4, 9))  # lines with points of curves
+
+
+class Germs:
     """Exact germs at a curve: polynomials in t, s (which point), r (which line) and eps."""
 
-    def __init__(self, plane: Plane, number: int) -> None:
-        self._plane, self._curve = plane, plane.curves[number]
-        names = ["eps"] * plane.symbolic + ["r", "s", "t"]
+    def __init__(self, plane: Plane, number: int, line: int = 0) -> None:
+        self._plane, self._curve, self._line = plane, plane.curves[number], _OF_POINTS[line]
+        names = [*(f"a{k}" for k in range(plane.symbolic)), "r", "s", "t"]
         self._ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
         *self._eps, self._r, self._s, self._t = self._ring.gens()
         self._modulus = self._r  # a monic polynomial with the root r; the polynomial r means r = 0
@@ -261,7 +264,7 @@ class _Germs:
         """Return a point of the curve on a fixed line; coordinates are polynomials in a root r."""
 
         def on_line(unit: Any) -> list[Any]:
-            return [a * unit + b * self._r for a, b in ((2, 3), (5, 7), (11, -4))]
+            return [a * unit + b * self._r for a, b in self._line]
 
         P = self._curve.compose(*self._eps, *on_line(self._ring.constant(1)), ctx=self._ring)
         every = (coefficients_in(f, -3) for f, _ in irreducible_factors(P))
@@ -319,6 +322,24 @@ class _Germs:
             if _is_large(germ):
                 return None
         return orders, germ
+
+    def conditions(self, steps: int) -> Iterator[tuple[int, Any]]:
+        """Yield (n, P), P in the letters: if P = 0, point n of the orbit has no image.
+
+        Coordinates have no common factor. P is a common factor of all coordinates of the image.
+        """
+        is_line = self._modulus == self._r
+        x = [P % self._t for P in self.first] if is_line else self._point
+        for n in range(steps + 1):
+            image = self._values(self._plane.forms, x)
+            if not any(image) or sum(map(len, image)) > 10 * _MONOMIALS:
+                return
+            x = without_common_factor(image)
+            common = next(P // Q for P, Q in zip(image, x, strict=True) if Q != 0)
+            for factor, _ in irreducible_factors(common) if n else ():
+                if len(factor) > 1 and not any(factor.degrees()[-3:]):
+                    yield n, factor
+            x = x if is_line else without_common_factor(self._simplest(x))
 
     def have_multiplicities(self, passage: Passage) -> bool:
         """Return True if the orders in `passage` are multiplicities of polynomials at the orbit.

@@ -10,20 +10,21 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, takewhile
-from operator import itemgetter
-from typing import Any
+from operator import attrgetter, itemgetter
+from typing import Any, NamedTuple
 
 import flint
 
-from ..checks import wrong
+from ..checks import integer, wrong
 from ..fields.base import Body
 from ..keywords import public
+from . import arithmetic, polynomials
 from .birational_maps import RationalMap, check_one_letter
-from .contracted_curves import Passage, Plane, PlaneModulo, is_proved, passages_across
+from .contracted_curves import Germs, Passage, Plane, PlaneModulo, is_proved, passages_across
 from .degrees_of_iterates import agreed_degrees, moduli_outside
 from .exact_maps import checked_map
-from .polynomials import determinant
-from .rational_functions import IDENTITY, RationalFunction
+from .polynomials import cramer
+from .rational_functions import IDENTITY, RationalFunction, factored, without_constant
 
 _STEPS = 80  # the most steps of the orbit of a contracted curve
 _DEGREES = 24  # number of degrees of iterates that are predicted
@@ -62,7 +63,8 @@ class PlanarEntropy:
     of the map's action on curves, after the points of confined orbits are blown up. `minimal` is
     the irreducible factor with this root. `degrees` are the degrees of the first iterates, as they
     follow from `contractions`. `proved` is True if the entropy is proved; `based_on` says by what.
-    Without an entropy, `reason` says why.
+    Without an entropy, `reason` says why. If degrees grow quadratically, there is an invariant
+    pencil of curves of genus 1, and its degree is a multiple of `pencil`.
     """
 
     contractions: tuple[Contraction, ...] = ()
@@ -73,6 +75,7 @@ class PlanarEntropy:
     proved: bool = False
     based_on: str = ""
     reason: str = ""
+    pencil: int | None = None
 
     @property
     def lengths(self) -> tuple[int | None, ...]:
@@ -149,7 +152,8 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
         why = "a contracted curve comes to points without an image again and again"
         return PlanarEntropy(reason=f"{why}: growth(degrees(map, n)) estimates the entropy")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
-    P, Q = series_of_degrees(plane, passages)
+    numerators, Q = series_of_degrees(plane, passages)
+    P = numerators[0]
     # The characteristic polynomial has a root 0 for each term that precedes the recurrence.
     transient = max(0, P.degree() + 1 - Q.degree())
     polynomial = flint.fmpz_poly([0] * transient + Q.coeffs()[::-1])
@@ -165,10 +169,66 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
         degrees=tuple(d[1:]),
         proved=all(curve.proved for curve in contractions),
         based_on="; ".join(str(curve) for curve in contractions) or "no contracted curve",
+        pencil=None if root > 1 else degree_of_pencil(plane, passages, numerators, Q),
     )
     low = takewhile(lambda degree: degree <= _HIGHEST, islice(agreed_degrees(map), _DEGREES))
     why = "" if entropy.proved else entropy.contradiction([*low])
     return PlanarEntropy(reason=why) if why else entropy
+
+
+class Condition(NamedTuple):
+    """If `polynomial`, of letters, is 0, the orbit of a contracted curve ends after `length`."""
+
+    curve: str
+    length: int
+    polynomial: RationalFunction
+
+
+@public
+def locus(map: RationalMap | Body, steps: int = 6, *, letters: Any = None) -> tuple[Condition, ...]:
+    """Find for which values of letters the orbits of contracted curves end.
+
+    For such values a singularity may be confined, and the entropy lower: `planar_entropy` decides.
+    Some values are trivial: the map has a lower degree. Those that need two equations are left out.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        A birational map of two variables, with letters.
+    steps : int, optional
+        The most points of an orbit.
+    letters
+        As in :func:`report`.
+
+    Returns
+    -------
+    tuple of Condition
+        Short orbits first.
+
+    Examples
+    --------
+    The entropy is 0 if a = 2 + eps^2:
+
+    >>> from suslov_fast import Field
+    >>> from suslov_fast.integrability import locus
+    >>> field = Field(lambda x, a: (a*x[0]**2 + x[1]**2 + 1, -2*x[0]*x[1]), "x y", a=1)
+    >>> locus(field, 2, letters="a")[-1]
+    Condition(curve='-eps*a*x - eps^2 - eps*x + 1 = 0', length=2, polynomial=-eps^2 + a - 2)
+    """
+    map = checked_map(map, letters)
+    if not map.is_planar or not map.letters:
+        raise wrong("map", "a birational map of two variables with letters", f"{map}")
+    plane, steps, found = Plane(map), integer("steps", steps, 1), list[Condition]()
+    ring = polynomials.polynomial_ring(0, map.letters)
+    for number in range(len(plane.curves)):
+        # Factors that depend on the point of the curve belong to the choice of the point.
+        others = {str(each) for each in Germs(plane, number, 1).conditions(steps)}
+        for n, P in Germs(plane, number).conditions(steps):
+            if str((n, P)) in others:
+                P = ring.from_dict({e[:-3]: c for e, c in P.to_dict().items()})
+                condition = without_constant(factored(P)).renamed(None, map.letter)
+                found.append(Condition(plane.text(number), n, condition))
+    return tuple(sorted(found, key=attrgetter("length")))
 
 
 def proved_by_integral(
@@ -253,8 +313,8 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
 #   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
 
 
-def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
-    """Return polynomials P and Q in z: P / Q = 1 + sum of d_n z^n, with degrees d_n of iterates."""
+def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[list[Any], Any]:
+    """Return polynomials [P, ...] and Q in z: P / Q is the generating function of d_n, then s_n."""
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
     # The unknowns are the generating functions of d, and of s for each curve in `used`.
@@ -267,10 +327,31 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any]:
         column[1 + used.index(k)] += one
         columns.append(column)
     rows = [*zip(*columns, strict=True)]
-    # Cramer's rule: the right sides are 1 in the first equation, and 0 in the others.
-    P, Q = determinant([row[1:] for row in rows[1:]]) if used else one, determinant(rows)
+    # The right sides are 1 in the first equation, and 0 in the others.
+    *numerators, Q = cramer([[*row, (k == 0) * one] for k, row in enumerate(rows)])
     sign = 1 if Q[0] > 0 else -1
-    return sign * P, sign * Q
+    return [sign * P for P in numerators], sign * Q
+
+
+def degree_of_pencil(plane: Plane, passages: list[Passage], numerators: Any, Q: Any) -> int | None:
+    """Return m, of which the degree of an invariant pencil is a multiple; None without a pencil.
+
+    If degrees grow quadratically, the map takes a pencil of curves of genus 1 to itself (Gizatullin
+    1980, Diller and Favre 2001). The pullbacks of a line, divided by n^2, tend to a multiple of its
+    class. So the degree of the pencil and its intersection numbers with contracted curves, which
+    are integers, are proportional to the leading coefficients of d_n and s_n: to the numerators of
+    their generating functions at z = 1.
+    """
+    one = flint.fmpz_poly([1, -1])
+    powers = [arithmetic.divided_out(P, one)[1] for P in numerators if P != 0]
+    common = one ** min(powers)
+    if (Q // common) % one**3 != 0:
+        return None
+    leading = [(P // common)(1) for P in numerators]
+    used = [k for k, passage in enumerate(passages) if passage.common_orders]
+    counts = [1, *(plane.count(k) for k in used)]
+    shares = [flint.fmpq(int(a), n) / int(leading[0]) for a, n in zip(leading, counts, strict=True)]
+    return math.lcm(*(int(share.q) for share in shares))
 
 
 def _in_x(polynomial: Any) -> Any:

@@ -22,7 +22,7 @@ from .arithmetic import EPS, constant, random_point
 from .birational_maps import RationalMap, check_map
 from .composed_maps import composed
 from .interpolation import MOST
-from .kahan_maps import InLetters, KahanMap, exact_body, kahan
+from .kahan_maps import InLetters, KahanMap, exact_body
 from .polynomials import polynomial_ring
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
 
@@ -107,19 +107,76 @@ def checked_map(map: RationalMap | Body, letters: Any = None) -> RationalMap:
 def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
     """Return the rational map of a `Map`, or the Kahan map of a field or body.
 
-    The parameters `letters` stay symbols, and so does `eps` if it is None.
+    The parameters `letters` stay symbols, and so does `eps` if it is None. A parameter eps among
+    `letters` is the step size.
     """
     if isinstance(system, Map):
         return rational_map(system, letters=letters)
     if letters is None:
         return system if isinstance(system, RationalMap) else kahan(system, eps)
     names = checked_letters(system, letters)
-    ring = polynomial_ring(system.dimension, ["eps", *names])
-    symbols = dict(zip(names, map(factored, ring.gens()[1:]), strict=False))
+    every = ["eps", *(name for name in names if name != "eps")]
+    gens = map(factored, polynomial_ring(system.dimension, every).gens())
+    symbols = {name: x for name, x in zip(every, gens, strict=False) if name in names}
     places = places_of_letters(system)
-    given = {name: places[name][-1] for name in names}
+    given = {name: places[name][-1] for name in every[1:]}
     in_letters = InLetters(given, *_coefficients(system, symbols))
     return KahanMap(system._field, None, in_letters=in_letters)
+
+
+@public
+def kahan(field: Any, /, eps: Any = None, *, letters: Any = None) -> KahanMap:
+    """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
+
+    Parameters
+    ----------
+    field : Field or body
+        The field to discretize, a single one.
+    eps : int, Fraction, float or str, optional
+        Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all results
+        for the map. Floats, also in the field, stand for the numbers typed: 0.1 for 1/10.
+    letters : str, sequence of str or True, optional
+        Names of parameters that stay symbols in addition to eps. A parameter eps among them is the
+        step size: then coefficients of the field may depend on it.
+
+    Returns
+    -------
+    KahanMap
+        Called with a point, it returns the image. Its `inverse` is the map for -eps, `formulas` are
+        its components as functions, and `subs` replaces a symbolic eps by a number.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field
+    >>> from suslov_fast.integrability import kahan
+    >>> map = kahan(Field.from_terms([[[1]]]), eps=1)  # x' = x**2
+    >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
+    (['-2'], ['2'])
+    >>> kahan(map.field)([2]), kahan(map.field).formulas
+    ((2/(-2*eps + 1),), (x1/(-eps*x1 + 1),))
+    >>> corrected = Field(lambda x, eps: (x[0]**2 + eps**2,), 1, eps=1)
+    >>> kahan(corrected, letters="eps")([0])
+    (eps^3,)
+    """
+    if letters is not None and eps is not None:
+        raise wrong("eps", "left out beside letters", eps)
+    if letters is not None:
+        return exact_map(field, None, letters)  # type: ignore[return-value]
+    if not isinstance(field, Body):
+        raise wrong("field", "a Field or a body", kind_of(field), TypeError)
+    _ = field._has_eps or field._field  # `_field` raises for a `Map`
+    if field.shape:
+        raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
+    if str(eps).isidentifier() and eps is not None:  # a name, as a text or as a symbol of SymPy
+        how = "leave it out, kahan(field), for formulas in eps"
+        raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
+    step = None if eps is None else constant("eps", eps)
+    if isinstance(field, Field):
+        map = KahanMap(field, step)
+    else:
+        map = KahanMap(exact_body(field)._field, step, is_exact=True)
+    _ = map.terms  # raises for a field that is not of degree 2
+    return map
 
 
 def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -167,10 +224,10 @@ def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:
     names = [*names] if isinstance(names, Sequence) else []
     if not names or {*names} - {*places} or len({*names}) < len(names):
         known = f"names of its parameters {', '.join(places)}"
+        if "eps" in names and not isinstance(system, Map):
+            known = "names of parameters: eps is a letter in any case"
         raise wrong("letters", known if places else "left out: it has none", repr(letters))
-    if "eps" in names and not isinstance(system, Map):
-        raise wrong("letters", "names of parameters: eps is a letter in any case", repr(letters))
-    most = MOST - (not isinstance(system, Map))  # eps is a letter, too
+    most = MOST - (not isinstance(system, Map) and "eps" not in names)  # eps is a letter, too
     if len(names) > most:
         raise wrong("letters", f"at most {most} names", len(names))
     return tuple(names)

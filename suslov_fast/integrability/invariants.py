@@ -9,11 +9,13 @@ The polynomials of one cofactor span a space. Its basis in normal form has reduc
 before others, and stays independent in the limit for eps to 0.
 """
 
+from __future__ import annotations
+
 import contextlib
 import math
 import random
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -251,6 +253,19 @@ class Invariants:
         """The Darboux polynomials, without products of others."""
         return tuple(sorted(self.generators, key=lambda g: sort_key(self.polynomial(g))))
 
+    def parts_of(self, functions: Iterable[RationalFunction]) -> Iterator[RationalFunction]:
+        """Yield numerators and denominators, without a common factor, that are no generators.
+
+        Of an integral N / D both are Darboux polynomials: N(F) D = D(F) N, so that N divides N(F).
+        Of a density 1 / P, P is one.
+        """
+        parts = ((P, f.basis) for f in functions for P in f.as_quotient(self.map.ring))
+        for P, basis in {str(P): (P, basis) for P, basis in parts if degree_of(P)}.values():
+            cofactor = self.map.cofactor(P)
+            if cofactor is None or not self.has_factors:
+                f = replace(factored(P), constant=Fraction(1), basis=basis)
+                yield replace(f, cofactor=cofactor or Cofactor(self.map, f))  # type: ignore[arg-type]
+
 
 def _sort_key(f: RationalFunction) -> tuple[Any, ...]:
     """Return the sort key of a function f: by degree, then by number of terms."""
@@ -322,6 +337,27 @@ def _coprime_factors(numbers: Iterable[Any]) -> list[int]:
         else:
             base += [n] * (n > 1)
     return base
+
+
+@dataclass(frozen=True)
+class Cofactor:
+    """The cofactor P(Phi) / P of a Darboux polynomial P, where its formula is too long."""
+
+    map: RationalMap
+    P: RationalFunction
+    given: Any = field(default_factory=dict)  # numbers for some letters
+
+    def __call__(self, x: Sequence[Any], **values: Any) -> Fraction:
+        """Return the value at a point, and at a number for each letter that the map has."""
+        values = {**self.given, **values}
+        map = self.map.subs(**values) if self.map.is_symbolic else self.map
+        return self.P(map(x), **values) / self.P(x, **values)
+
+    def renamed(self, *_: Any) -> Any:
+        return self
+
+    def _with(self, numbers: Mapping[str, Fraction]) -> Any:
+        return replace(self, given={**self.given, **numbers})
 
 
 _SIGNS = 70  # random points at which `is_definite` compares the signs of a polynomial

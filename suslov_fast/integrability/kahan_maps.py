@@ -16,14 +16,11 @@ from typing import Any, NamedTuple
 import flint
 import numpy as np
 
-from ..checks import kind_of, wrong
 from ..core.cached import cached_property
-from ..fields.base import Body
 from ..fields.field import Field
 from ..fields.terms import Terms, collected
-from ..keywords import public
 from . import rational_functions
-from .arithmetic import Values, as_written, constant, moduli
+from .arithmetic import Values, as_written, moduli
 from .birational_maps import FEW, LONGEST, RationalMap, checked_names
 from .polynomials import coprime, cramer, degree_of, exponents_in_x, letters_in, primitive
 from .rational_functions import MODULAR, RationalFunction, factored, over_common_denominator
@@ -283,51 +280,6 @@ def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
     """Return exact terms with integers in place of fractions, and their common denominator."""
     denominator = math.lcm(*(c.denominator for c in terms.values))
     return [(place, int(denominator * c)) for place, c in terms.members()], denominator
-
-
-@public
-def kahan(field: Any, /, eps: Any = None) -> KahanMap:
-    """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
-
-    Parameters
-    ----------
-    field : Field or body
-        The field to discretize, a single one.
-    eps : int, Fraction, float or str, optional
-        Step size, of any sign; a string may be "1/3". Without it, eps is symbolic in all results
-        for the map. Floats, also in the field, stand for the numbers typed: 0.1 for 1/10.
-
-    Returns
-    -------
-    KahanMap
-        Called with a point, it returns the image. Its `inverse` is the map for -eps, `formulas` are
-        its components as functions, and `subs` replaces a symbolic eps by a number.
-
-    Examples
-    --------
-    >>> from suslov_fast import Field
-    >>> from suslov_fast.integrability import kahan
-    >>> map = kahan(Field.from_terms([[[1]]]), eps=1)  # x' = x**2
-    >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
-    (['-2'], ['2'])
-    >>> kahan(map.field)([2]), kahan(map.field).formulas
-    ((2/(-2*eps + 1),), (x1/(-eps*x1 + 1),))
-    """
-    if not isinstance(field, Body):
-        raise wrong("field", "a Field or a body", kind_of(field), TypeError)
-    _ = field._has_eps or field._field  # `_field` raises for a `Map`
-    if field.shape:
-        raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
-    if str(eps).isidentifier() and eps is not None:  # a name, as a text or as a symbol of SymPy
-        how = "leave it out, kahan(field), for formulas in eps"
-        raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
-    step = None if eps is None else constant("eps", eps)
-    if isinstance(field, Field):
-        map = KahanMap(field, step)
-    else:
-        map = KahanMap(exact_body(field)._field, step, is_exact=True)
-    _ = map.terms  # raises for a field that is not of degree 2
-    return map
 
 
 def exact_body(body: Any) -> Any:

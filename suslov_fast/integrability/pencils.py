@@ -13,10 +13,12 @@ from typing import Any
 
 import flint
 
+from ..checks import kind_of, wrong
+from ..keywords import public
 from . import polynomials
 from .arithmetic import EPS, Values
-from .polynomials import degree_of, exponents_up_to, modulo, prime_of, variables_of
-from .rational_functions import rational_roots
+from .polynomials import coefficients_in, degree_of, exponents_up_to, modulo, prime_of, variables_of
+from .rational_functions import RationalFunction, factors_in_t, quotient_of
 
 _HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
 
@@ -55,6 +57,11 @@ def count_factors(P: Any) -> int:
 
 def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     """Yield the reducible combinations a P + b Q of a space [P, Q]; a and b are rational."""
+    return (P for P, count in conjugate_members(space) if count == 1)
+
+
+def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, int]]:
+    """Yield products of conjugate reducible combinations of a space [P, Q], and their numbers."""
     degree, n = max(degree_of(P) for P in space), variables_of(space[0])
     if len(space) != 2 or not 2 <= degree <= _HIGHEST or n < 2:
         return
@@ -77,9 +84,12 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         return common.coeffs() if common.degree() > 0 else []
 
     ring, rng = first.context(), random.Random(prime_of([first, second]))
-    for t in rational_roots(rng, search, ring):
-        numerator, denominator = t.as_quotient(ring)
-        yield polynomials.without_content(denominator * first + numerator * second)
+    for g in factors_in_t(rng, search, ring):
+        # The product of first + t second for all roots t of g.
+        coefficients = [c.project_to_context(ring) for c in coefficients_in(g, -1)]
+        n = len(coefficients) - 1
+        terms = (c * (-first) ** k * second ** (n - k) for k, c in enumerate(coefficients))
+        yield polynomials.without_content(sum(terms, 0 * first)), n
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
@@ -99,3 +109,42 @@ def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) ->
         coefficients = [int(-c if k % 2 else c) for k, c in enumerate(backward)]
         common = common.gcd(flint.nmod_poly(coefficients, p))
     return common
+
+
+@public
+def pencil(integral: RationalFunction) -> tuple[RationalFunction, ...]:
+    """Find the reducible members of the pencil of levels N = h D of an integral N / D.
+
+    Parameters
+    ----------
+    integral : RationalFunction
+        From a report, of degree 2 to 6.
+
+    Returns
+    -------
+    tuple of RationalFunction
+        The members as products of irreducible polynomials, those with most factors over complex
+        numbers first. Quotients of two are integrals. Then products of conjugate members, if h is
+        irrational: they have a multiple of the degree.
+
+    Examples
+    --------
+    >>> from suslov_fast import Field
+    >>> from suslov_fast.integrability import pencil, report
+    >>> field = Field.from_hamiltonian(lambda x: x[0] * x[1] * (x[0] + x[1] + 1), "x y")
+    >>> triangle, lines, *_ = pencil(report(field, eps=1).integrals[0])
+    >>> triangle / lines
+    x*y*(x + y + 1)/((2*x + 3)*(2*y + 3)*(2*x + 2*y - 1))
+    """
+    if not isinstance(integral, RationalFunction):
+        raise wrong("integral", "one of a report", kind_of(integral), TypeError)
+    if not 2 <= (degree := integral.degree) <= _HIGHEST:
+        raise wrong("integral", f"of degree 2 to {_HIGHEST}", f"of degree {degree}")
+
+    def order(pair: tuple[Any, int]) -> tuple[Any, ...]:
+        P, count = pair
+        # A member of lower degree also has a factor at infinity.
+        return count, -count_factors(P) - (degree_of(P) < degree), polynomials.sort_key(P)
+
+    found = sorted(conjugate_members(integral.as_quotient()), key=order)
+    return tuple(quotient_of(P, P**0, integral.basis) for P, _ in found)

@@ -352,7 +352,15 @@ def product_of(
 
 
 def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[RationalFunction]:
-    """Yield the roots of a polynomial in one variable that are rational functions of letters.
+    """Yield the rational functions of letters that are roots of the polynomial of `search`."""
+    for linear in (g for g in factors_in_t(rng, search, ring) if degree_of(g) == 1):
+        *letters, t = linear.context().gens()
+        slope = linear.derivative(len(letters))
+        yield from quotients_of(P.project_to_context(ring) for P in (slope * t - linear, slope))
+
+
+def factors_in_t(rng: random.Random, search: Any, ring: Any) -> Iterator[Any]:
+    """Yield the irreducible factors of a polynomial in t and the letters of a ring.
 
     ``search(p, values)`` returns its coefficients modulo p, lowest first, with the numbers `values`
     for the letters of `ring`; or [] if there is no such polynomial.
@@ -366,10 +374,7 @@ def rational_roots(rng: random.Random, search: Any, ring: Any) -> Iterator[Ratio
     if not (rows := over_rationals(rng, row, len(letters))):
         return
     (f,) = polynomials.polynomials_with(rows, tuple((k,) for k in range(len(rows[0]))), letters)
-    *_, t = f.context().gens()
-    for linear in (g for g, _ in polynomials.irreducible_factors(f) if degree_of(g) == 1):
-        slope = linear.derivative(len(letters))
-        yield from quotients_of(P.project_to_context(ring) for P in (slope * t - linear, slope))
+    yield from (g for g, _ in polynomials.irreducible_factors(f) if degree_of(g))
 
 
 # Independence.

@@ -15,7 +15,7 @@ from .birational_maps import RationalMap, check_map
 from .darboux import checked_degree
 from .degrees_of_iterates import Growth, growth
 from .entropy import PlanarEntropy
-from .exact_maps import exact_map
+from .exact_maps import checked_letters, exact_map
 from .interpolation import SEARCHES, Watch, watch
 from .kahan_maps import KahanMap
 from .levels import Level
@@ -112,6 +112,9 @@ class Report:
         none = none if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
+        # Without factors of det DPhi, only those with the cofactors 1, -1, det DPhi, -det DPhi.
+        few = self.finished and self.map.is_invertible and self.map.factors is None
+        other = "not sought, but with a few cofactors" if few else none
         up_to_sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""
         no_integral = "none written" if self.implicit else none
         degrees = ", ".join(str(integral.degree) for integral in self.implicit)
@@ -124,10 +127,12 @@ class Report:
             _listed("First integrals", self.integrals, 6, no_integral, self.independent),
             *[implicit] * (others > 0),
             _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
-            _listed("Darboux polynomials", self.polynomials, 6, none),
+            _listed("Darboux polynomials", self.polynomials, 6, other),
         ]
         if self.symmetries:
-            lines.append(f"Reversing symmetries: {'; '.join(map(str, self.symmetries))}")
+            more = f"; {len(self.symmetries) - 6} more" if len(self.symmetries) > 6 else ""
+            shown = "; ".join(map(str, self.symmetries[:6]))
+            lines.append(f"Reversing symmetries: {shown}{more}")
         lines += self._lines_of_level_sets()
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
@@ -139,7 +144,7 @@ class Report:
 
     def _title(self) -> str:
         variables, letters = f"{self.map.dimension} variables", self.map.letters
-        if len(letters) > 1:
+        if len(letters) > 1 or (isinstance(self.map, KahanMap) and self.map.in_letters):
             text = str(self.map) if isinstance(self.map, KahanMap) else f"Map of {variables}"
             return f"{text}, letters {', '.join(letters)}"
         if not isinstance(self.map, KahanMap):
@@ -153,6 +158,11 @@ class Report:
         rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
         if kind == "linear" and self.map.dimension == 2:
             based_on += "; in the plane a sign of an invariant fibration, which may be no integral"
+        if (planar := self.planar) and (k := planar.pencil) and not self.integrals:
+            based_on += (
+                f". By the contracted curves it is quadratic ({planar.certainty}): there is an "
+                f"invariant pencil of curves of genus 1, whose degree is a multiple of {k}"
+            )
         more = ", ..." if len(self.degrees) > 8 else ""
         return [
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
@@ -280,7 +290,7 @@ def report(
             search.fill(result)
             watched.call()
         search.fill(result)
-        notes += _special_values(system, search)
+        notes += _special_values(system, search, letters)
         if not search.is_complete:
             notes += watched.left_out
     except _Stopped:
@@ -336,7 +346,7 @@ class _Stopped(BaseException):
     """Raised to end a report, because `progress` returned False."""
 
 
-def _special_values(system: Any, search: Search) -> list[str]:
+def _special_values(system: Any, search: Search, letters: Any) -> list[str]:
     """Return a note if the system's own values of the letters have no map, or more integrals."""
     map, degree = search.map, search.queue.finished().get("relations", 0)
     if not map.given:
@@ -344,7 +354,9 @@ def _special_values(system: Any, search: Search) -> list[str]:
     values = ", ".join(f"{name} = {float(a):g}" for name, a in map.given.items())
     try:
         is_field = isinstance(map, KahanMap)
-        special = exact_map(system, None, None) if is_field else map.subs(**map.given)
+        names = [*checked_letters(system, letters)] if is_field else []
+        step = "eps" if "eps" in names else None
+        special = exact_map(system, None, step) if is_field else map.subs(**map.given)
         check_map(special)
     except (ArithmeticError, TypeError):
         return [f"At {values} there is no map: the results hold for general letters."]

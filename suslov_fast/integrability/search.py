@@ -24,7 +24,7 @@ from .levels import Level, on_level
 from .linear_relations import ImplicitIntegral, count_relations, implicit_integrals, written_out
 from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, without_content
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
-from .symmetries import DEGREES, Reversor, reversors
+from .symmetries import DEGREES, SIGNED, Reversor, reversors
 
 # Polynomials above the `degree` of the report, or to shorten integrals that have no more than this
 # degree, are sought only if they have at most so many coefficients.
@@ -45,7 +45,7 @@ _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
     ("early proofs",), ("degrees",), ("factors",), ("known cofactors", "all cofactors"),
     ("symmetries",), ("proofs",), ("normal forms",), ("formulas",), ("planar entropy",),
-    ("levels",),
+    ("pencil",), ("levels",),
 )  # fmt: skip
 _ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
@@ -145,6 +145,7 @@ class Search:
         self.degrees: list[int] = []
         self.relations: int | None = None
         self.symmetries: tuple[Reversor, ...] = ()
+        self._in_families = False  # True if more reversing symmetries come in families
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
         self.on_level: PlanarEntropy | None = None  # the entropy of the map on `level`
@@ -173,7 +174,10 @@ class Search:
             facts = self.invariants
             integrals = facts.integrals
             implicit = tuple(independent_of(integrals, self._of_relations, self.map.prime))
-            self._known = Known(integrals, implicit, facts.measures, facts.polynomials)
+            measures = facts.measures
+            functions = integrals if facts.has_factors else (*integrals, *measures)
+            polynomials = *facts.polynomials, *facts.parts_of(functions)
+            self._known = Known(integrals, implicit, measures, polynomials)
         return self._known
 
     @property
@@ -208,7 +212,7 @@ class Search:
                 yield Task(self._find_planar_entropy, "planar entropy")
             if map.dimension > 2 and map.is_birational and not map.is_symbolic:
                 yield Task(self._find_entropy_on_level, "levels")
-            if isinstance(map, KahanMap) and map.dimension in DEGREES:
+            if isinstance(map, KahanMap) and map.dimension <= SIGNED:
                 yield Task(self._find_symmetries, "symmetries")
         if not map.is_invertible:
             return
@@ -265,7 +269,9 @@ class Search:
             self.planar = planar_entropy(self.map)
         if text := self.planar.contradiction(self.degrees):
             raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
-        return []
+        degree = self.planar.pencil or 0
+        if self.degree < degree and self.unknowns(degree) <= _FEW and not self.known.integrals:
+            yield Task(partial(self._find_quotients_of_relations, degree), "pencil", degree)
 
     def _find_entropy_on_level(self) -> Tasks:
         """Find the entropy on the generic level of D - 2 integrals."""
@@ -279,7 +285,8 @@ class Search:
         return []
 
     def _find_symmetries(self) -> Tasks:
-        self.symmetries = tuple(reversors(self.map))  # type: ignore[arg-type]
+        found, self._in_families = reversors(self.map)  # type: ignore[arg-type]
+        self.symmetries = tuple(found)
         return []
 
     def _add_modified_energy(self) -> Tasks:
@@ -302,7 +309,7 @@ class Search:
 
     def _find_quotients_of_relations(self, k: int) -> Tasks:
         """Find integrals that are quotients of relations up to degree k, if formulas lack."""
-        if len(self.known.integrals) >= (self.relations or 0):
+        if len(self.known.integrals) >= max(1, self.relations or 0):
             return []
         exponents = exponents_up_to(k, self.map.dimension)
         return self._add_space(linear_relations.integrals_of_relations(self.map, exponents))
@@ -504,6 +511,8 @@ class Search:
                 count = self.unknowns(k)
                 planar = self.planar if kind == "planar entropy" else None
                 reason = f" ({planar.reason})" if planar and planar.reason else ""
+                if kind == "symmetries":
+                    reason = _INVOLUTIONS[(self.map.dimension in DEGREES) + self._in_families]
                 yield text.format(k=k, count=count) + reason
         if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
@@ -519,8 +528,14 @@ _TEXTS = {
     "known cofactors": "polynomials up to degree {k} with products of known cofactors, and minus "
     "these",
     "planar entropy": "the orbits of contracted curves",
+    "pencil": "relations between the {count} monomials up to the degree {k} of the pencil",
     "levels": "the map on the generic level of the integrals",
-    "symmetries": "affine involutions with numbers as entries that take the map to its inverse",
+    "symmetries": "involutions that take the map to its inverse",
     "all cofactors": "Darboux polynomials up to degree {k} with products of powers of the factors "
     "of det DPhi as cofactors",
 }
+_INVOLUTIONS = (
+    ": signed permutations",
+    ": affine ones with numbers as entries",
+    ": signed permutations, and affine ones with numbers as entries; not others, in families",
+)

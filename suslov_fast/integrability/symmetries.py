@@ -3,7 +3,8 @@
 R(x) = S x + b transforms the Kahan map of a field f to the Kahan map of S f(R^-1 x). So R takes the
 map to its inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S
 and b. An involution also satisfies S S = 1 and S b = -b. Products of these equations and monomials
-up to some degree are linear equations in monomials, which are solved modulo a prime.
+up to some degree are linear equations in monomials, which are solved modulo a prime, for each trace
+of S. Where solutions of a trace come in families, only signed permutations are found.
 """
 
 import math
@@ -11,6 +12,7 @@ import random
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, permutations, product
 from operator import add, mul
 from typing import Any
 
@@ -26,6 +28,7 @@ from .polynomials import exponents_up_to, ring_modulo
 
 DEGREES = {1: 5, 2: 5, 3: 4}  # by dimension: the largest degree of an equation times a monomial
 _AFFINE = 2  # the largest dimension in which b of S x + b is sought; in three dimensions b = 0
+SIGNED = 6  # the largest dimension in which signed permutations are tried
 _LARGEST = 10**6  # all numerators and denominators of entries of S and b must be smaller
 
 
@@ -50,24 +53,40 @@ class Reversor:
         return f"x -> ({', '.join(texts)})"
 
 
-def reversors(map: KahanMap) -> list[Reversor]:
-    """Return the isolated affine involutions with rational entries that reverse a map."""
-    D, p = map.dimension, map.prime
-    numbers = [*EPS[: len(map.letters)], *[0] * D]  # values of letters and x
+def reversors(map: KahanMap) -> tuple[list[Reversor], bool]:
+    """Return affine involutions with rational entries that reverse a map, and if families lack.
+
+    They are the signed permutations and, up to three variables, the isolated ones of each trace.
+    """
+    D, p, letters = map.dimension, map.prime, map.letters
+    numbers = [*EPS[: len(letters)], *[0] * D]  # values of letters and x
     rates = map._rates[0]
     terms = [(place, int(v(*numbers) if map.in_letters else v) % p) for place, v in rates]
-    unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
-    symmetries = []
-    for solution in _isolated_solutions(_equations(D, terms, unknowns), unknowns, DEGREES[D]):
+    x, found, in_families = arithmetic.random_point(D, p)[:-1], list[list[Any]](), False
+    for order in (e for e in permutations(range(D)) if all(e[j] == i for i, j in enumerate(e))):
+        for signs in product((1, -1), repeat=D):
+            rows = [[signs[i] * (order[i] == j) for j in range(D)] for i in range(D)]
+            if not any(_identities(terms, rows, [0] * D, x)):
+                found.append([*chain(*rows)])
+    if D in DEGREES:
+        unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
+        equations, diagonal = _equations(D, terms, unknowns), unknowns.gens()[: D * D : D + 1]
+        for trace in range(-D, D, 2):  # the trace D belongs to S = 1, which reverses no map
+            every = [*equations, sum(diagonal) - trace]
+            isolated = _isolated_solutions(every, unknowns, DEGREES[D])
+            in_families |= isolated is None
+            found += isolated or []
+    symmetries = dict[Reversor, None]()
+    for solution in found:
         values = [*solution, *[0] * D][: D * D + D]  # b = 0 if it is not among the unknowns
-        entries = [simplest_fraction(int(a), p) for a in values]
+        entries = [simplest_fraction(int(a) % p, p) for a in values]
         if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
             reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
-            if reverses(reversor, map):
-                symmetries.append(reversor)
-    symmetries.sort(key=lambda reversor: (len(repr(reversor)), repr(reversor)))
-    return [replace(reversor, names=map.field.names) for reversor in symmetries]
+            if reversor not in symmetries and reverses(reversor, map):
+                symmetries[reversor] = None
+    ordered = sorted(symmetries, key=lambda reversor: (len(repr(reversor)), repr(reversor)))
+    return [replace(reversor, names=map.field.names) for reversor in ordered], in_families
 
 
 def reverses(reversor: Reversor, map: KahanMap) -> bool:
@@ -131,11 +150,12 @@ def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
     return flint.nmod_mat(rows, len(column), entries, unknowns.modulus())
 
 
-def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Iterator[list[Any]]:
-    """Yield the isolated solutions modulo a prime, from products of equations and monomials.
+def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]] | None:
+    """Return the solutions modulo a prime, from products of equations and monomials; else None.
 
     Products up to the degree `most` are a matrix. Its null space is spanned by vectors of the
-    values that all monomials have at a solution.
+    values that all monomials have at a solution. The result is None if there seem to be infinitely
+    many.
     """
     n, p = unknowns.nvars(), int(unknowns.modulus())
     for degree in range(2, most + 1):
@@ -147,10 +167,11 @@ def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> Itera
         ranks = [flint.nmod_mat(part, p).rank() for part in parts]
         stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
         if stable:
-            if ranks[stable[-1]]:
-                values = np.array(arithmetic.row_space(parts[stable[-1]], p), object).T
-                yield from _by_multiplication(values, counts[stable[-1] - 1], n, degree, p)
-            return
+            if not ranks[stable[-1]]:
+                return []
+            values = np.array(arithmetic.row_space(parts[stable[-1]], p), object).T
+            return [*_by_multiplication(values, counts[stable[-1] - 1], n, degree, p)]
+    return None
 
 
 def _by_multiplication(values: Any, count: int, n: int, degree: int, p: int) -> Iterator[list[Any]]:

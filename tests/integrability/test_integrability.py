@@ -534,6 +534,9 @@ def test_a_hamiltonian_that_was_not_given():
         (PREY, ["(x2, x1)"]),
         (CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
         (PLANAR, []),
+        # These come in families, of which signed permutations are listed.
+        (Field(lambda x: (x[1], 0 * x[0] - 1), 2), ["(x1, -x2)"]),
+        (Field(lambda x: (x[0] ** 2, x[0] * x[1]), 2), ["(-x1, x2)", "(-x1, -x2)"]),
     ],
 )
 def test_reversing_symmetries(field, symmetries):
@@ -543,6 +546,35 @@ def test_reversing_symmetries(field, symmetries):
     now = found.map
     x = [F(2 * k + 3, 7) for k in range(field.dimension)]
     assert all(now(R(now(x))) == R(x) and R(R(x)) == (*x,) for R in found.symmetries)
+
+
+def test_reversing_symmetries_that_are_not_all_listed():
+    found = report(Field(lambda x: (x[1], -x[0], x[2] ** 2), 3), eps=EPS, degree=1)
+    assert "x -> (x1, -x2, -x3)" in map(str, found.symmetries)
+    assert "not others, in families" in repr(found)
+    three_waves = Field(lambda x: (x[1] * x[2], x[0] * x[2], x[0] * x[1], x[3]), 4)
+    found = report(three_waves, eps=EPS, degree=1)
+    assert len(found.symmetries) == 0
+    assert "involutions that take the map to its inverse: signed permutations" in repr(found)
+
+
+def test_parts_of_integrals_are_darboux_polynomials():
+    """Also where det DPhi is too long to be factored, as for three waves."""
+
+    def waves(x):
+        a, b, c, d, e, f = x
+        first = b * c - e * f, -a * c - d * f, -a * b - d * e
+        return *first, b * f + e * c, a * f - d * c, a * e - d * b
+
+    found = report(Field(waves, 6), eps=EPS, degree=2)
+    assert found.map.factors is None
+    x = [1, 2, 3, -1, 5, F(1, 2)]
+    names = {str(P): P for P in found.polynomials}
+    for f in found.integrals:
+        assert {str(f.numerator), str(f.denominator)} & names.keys()
+    for P in found.polynomials:
+        assert P(found.map(x)) == P.cofactor(x) * P(x)
+    assert found.polynomials[0].subs().cofactor(x) == found.polynomials[0].cofactor(x)
 
 
 @pytest.mark.slow

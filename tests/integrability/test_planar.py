@@ -17,6 +17,8 @@ from suslov_fast.integrability import (
     entropy as planar,
     growth,
     kahan,
+    locus,
+    pencil,
     planar_entropy,
     rational_map,
     report,
@@ -182,3 +184,71 @@ def test_equations_without_a_map_are_not_invertible():
     """x' = 2 x at eps = 1 has det A = 1 - eps = 0 everywhere."""
     assert kahan(Field(lambda x: (2 * x[0], x[0] * x[1]), 2), 1).is_invertible is False
     assert kahan(Field(lambda x: (2 * x[0], x[0] * x[1]), 2), 2).is_invertible is True
+
+
+MCMILLAN = rational_map(
+    Map(lambda x: (x[1], -x[0] + (2 * x[1] + 1) / (1 - x[1] ** 2)), 2),
+    Map(lambda x: (-x[1] + (2 * x[0] + 1) / (1 - x[0] ** 2), x[0]), 2),
+)
+
+
+@pytest.mark.parametrize(
+    ("map", "degree"),
+    [
+        (MCMILLAN, 4),
+        (kahan(three_lines(1, 1), THIRD), 3),
+        (kahan(three_lines(2, 3), THIRD), 6),
+        (HIETARINTA_VIALLET, None),
+    ],
+)
+def test_the_degree_of_an_invariant_pencil(map, degree):
+    """A report finds its integral, though it has a higher degree than was asked for."""
+    assert planar_entropy(map).pencil == degree
+    assert [f.degree for f in report(map, degree=2).integrals] == ([degree] if degree else [])
+
+
+def test_reducible_members_of_a_pencil():
+    """A quotient of products of lines, see arXiv:2309.00799; conjugate members."""
+    H = Field.from_hamiltonian(lambda x: x[0] * x[1] * (x[0] + x[1] + 1), "x y")
+    (F_1,) = report(H, eps=1).integrals
+    triangle, lines, *others = pencil(F_1)
+    assert str(lines) == "(2*x + 3)*(2*y + 3)*(2*x + 2*y - 1)"
+    assert [P.degree for P in others] == [3, 2]
+    quotient, x, step = triangle / lines, (F(1, 3), 2), kahan(H, 1)
+    assert (quotient.basis, quotient(step(x))) == ("identity", quotient(x))
+    general = Field.from_hamiltonian(lambda x: x[0] ** 3 - 3 * x[0] * x[1] ** 2 + x[1] ** 2, 2)
+    found = pencil(report(general, eps=THIRD).integrals[0])
+    assert max(P.degree for P in found) == 6  # two members with conjugate h
+    with pytest.raises(ValueError, match="of degree 2 to 6"):
+        pencil(F_1**3)
+    with pytest.raises(TypeError, match="integral"):
+        pencil(H)
+
+
+def repaired(x, a, d, eps):
+    return (a + eps**2 * d) * x[0] ** 2 + x[1] ** 2 + x[1] + d, -2 * x[0] * x[1]
+
+
+def test_a_repair():
+    """The map of x' = 2 x^2 + y^2 + y + d, y' = -2 x y is repaired by eps^2 d x^2."""
+    flow = Field(lambda x, a, d: repaired(x, a, d, 0), "x y", a=2, d=1)
+    conditions = locus(flow, 4, letters="a d")
+    assert {c.length for c in conditions if str(c.polynomial) == "-eps^2*d + a - 2"} == {2, 4}
+    assert round(planar_entropy(kahan(flow, THIRD)).entropy, 6) == round(math.log(2), 6)
+    step = kahan(Field(repaired, "x y", a=2, d=1, eps=7), letters="eps d")
+    at_third = step.subs(eps=THIRD, d=3)
+    assert at_third.inverse(at_third((1, 2))) == (1, 2)
+    assert at_third((1, 2)) == kahan(Field(repaired, "x y", a=2, d=3, eps=THIRD), THIRD)((1, 2))
+    assert planar_entropy(at_third).lengths == (2, 4, 4)
+    with pytest.raises(ValueError, match="with letters"):
+        locus(at_third)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("letters", ["eps", "eps d"])
+def test_a_repair_is_proved(letters):
+    found = report(Field(repaired, "x y", a=2, d=2, eps=1), letters=letters, degree=4)
+    (F_1,) = found.integrals
+    assert (F_1.basis, F_1.degree, found.proved_entropy) == ("identity", 4, 0.0)
+    limit = F_1.subs(eps=0, d=2) if "d" in letters else F_1.subs(eps=0)
+    assert str(limit.numerator.factor()[1][0][0]) in ("y", "12*x^2 + 3*y^2 + 4*y + 12")

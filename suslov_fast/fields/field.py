@@ -726,7 +726,7 @@ def system_of(system: Any, x0: Any) -> Any:
     if isinstance(system, type) or not callable(system):
         checks.instance("system", system, Body)  # this raises an error
     if isinstance(x0, Mapping):
-        return Field(system, [*x0], complex=[k for k in x0 if np.iscomplexobj(x0[k])])
+        return Field(system, [*x0], complex=[k for k in x0 if np.iscomplexobj(x0[k])] or False)
     is_complex = np.iscomplexobj(x0)
     D = (1, *checks.real_array("x0", np.real(x0) if is_complex else x0, True).shape)[-1]
     others = arguments_of(system)[1:]

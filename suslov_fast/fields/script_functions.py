@@ -1,4 +1,4 @@
-"""What functions of scripts for SciPy call: arrays that f fills, `math`, `scipy.interpolate`."""
+"""What functions of scripts for SciPy call: arrays that f fills, `math`, interpolation of SciPy."""
 
 from __future__ import annotations
 

@@ -272,7 +272,8 @@ def _by_one_call(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list
             return [*map(tracer.result, [*alone, *last])]
         return flat(tracer, tracer.state, [*alone, *last])
     except (TypeError, ValueError) as error:
-        raise type(error)(f"{argument}: {error}") from None
+        of = ValueError if isinstance(error, ValueError) else TypeError
+        raise of(f"{argument}: {error}") from None
 
 
 def called_by_name(name: str, arguments: Sequence[Any]) -> Any:

@@ -5,7 +5,6 @@ while another process compiles them.
 """
 
 import json
-import math
 import random
 import re
 from decimal import Decimal
@@ -136,13 +135,10 @@ TABLE = [
      lambda: sf.plot_phase(BODY, [[1, 0.5]])),
     (ValueError, "extent", lambda: sf.plot_phase(BODY, 10, 4),
      lambda: sf.plot_phase(BODY, 0.1, OMEGA)),
-    (TypeError, "f", motion(lambda t, y: -y), field(lambda x: (None, 1)),
-     field(None)),
+    (TypeError, "f", field(lambda x: (None, 1)), field(None)),
     (TypeError, "^f", field(lambda x: (x["u"], x[1]), "u v"),
-     field(lambda x: ((0 < x[0] < 1) * 1.0, x[1])),
-     field(lambda x: (max(x[0], 0), x[1])), field(lambda x: (int(x[0]), x[1])),
-     field(lambda x: (gamma(x[0]), x[1])),
-     field(lambda x: np.add(x, 1, out=np.zeros(2))), field(lambda x: np.exp(x, where=x > 0)),
+     field(lambda x: (int(x[0]), x[1])), field(lambda x: (gamma(x[0]), x[1])),
+     field(lambda x: np.exp(x, where=x > 0)),
      field(lambda x: (x[x > 0], x[1])), field(lambda x: (x[0] & 1, x[1])),
      field(lambda x: (np.interp(x[0], [1, 0], [1, 2]), x[1]))),
     (ValueError, "^f", field(lambda x: (x[0],)), field(lambda x: None), field(lambda *x: x),
@@ -248,8 +244,8 @@ TABLE = [
     (ValueError, "steps", run(steps=-1), run(steps=2**64),
      lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0)),
     (TypeError, "stiff", motion(stiff="auto"), motion(stiff=np.ones(2))),
-    (TypeError, "surface", section(surface=27.0), section(surface=lambda x: math.sin(x[..., 0])),
-     section(surface=lambda t, x: x), section(surface=lambda x: x[..., 0] > 1)),
+    (TypeError, "surface", section(surface=27.0), section(surface=lambda t, x: x),
+     section(surface=lambda x: x[..., 0] > 1)),
     (ValueError, "surface",  section(surface="Omega1 = 1"), section(surface="Omega3")),
     (ValueError, "threads", motion(threads=0)),
     (ValueError, "surface or times", changed_by()),

@@ -449,7 +449,8 @@ class Field(Traced):
         >>> float(well.energy([2.0, 1.0]))
         6.5
         """
-        if self._equations is not None and "energy" in self._equations.sizes:
+        equations: Any = self._equations
+        if equations is not None and "energy" in equations.sizes:
             return self._quantity("energy", x)[..., 0]
         if not self._is_hamiltonian:
             raise TypeError(
@@ -458,7 +459,7 @@ class Field(Traced):
             )
         x = checks.states("x", x, self.names)
         shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
-        energies = self._equations.energy(np.moveaxis(x, -1, 0), self._inputs)
+        energies = equations.energy(np.moveaxis(x, -1, 0), self._inputs)
         return np.broadcast_to(energies, shape) + 0.0 * x.sum(axis=-1)  # NaN for states with NaN
 
     @public

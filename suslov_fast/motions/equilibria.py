@@ -460,8 +460,8 @@ class _Equations:
         for _ in range(_TO_FAMILY):
             f, A = self.value(y), self.slopes(y) * scale[..., np.newaxis, :]
             known = known & np.isfinite(f).all(axis=-1, keepdims=True)
-            known = known & np.isfinite(A).all(axis=(-2, -1))[..., np.newaxis]
-            f, A = np.where(known, f, 0.0), np.where(known[..., np.newaxis], A, 0.0)
+            known = known & np.expand_dims(np.isfinite(A).all(axis=(-2, -1)), -1)
+            f, A = np.where(known, f, 0.0), np.where(np.expand_dims(known, -1), A, 0.0)
             rows = abs(A).max(axis=-1, initial=0.0)
             rate = (rows / scale).max(axis=-1, keepdims=True, where=~self.is_total, initial=1e-300)
             rows = np.where(self.is_total, rows, scale * rate)

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy
-from scipy.interpolate import CubicSpline
 
 import suslov_fast as sf
 from suslov_fast import Field, Suslov3D, flow, integrability
@@ -135,7 +134,6 @@ ROWS = [
     ("sf.iterate(QUADRATIC, [0.1, 0.2], 100)", "eps"),
     ("sf.iterate(np.sin, [1.0], steps=3)", r"Map\(f, names\)"),
     ("flow(PENDULUM, [1, 0], time=1, events=sf.Event('q', to='-p'))", r"to=\('q', '-p/2'\)"),
-    ("Field(lambda t, x: [t - x[0]], 'x')", r"lambda s: .*1\.0\), \"x t\""),
     ("Field(lambda x, t: -x, 'x', t=0.0)", r"rate 1.*\"x t\""),
     ("Field(lambda q, p: (p, -q), 'q p')", r"lambda x: f\(\*x\)"),
     ("Field(lambda x: -x.q, 'q')", r"x\[0\]"),
@@ -152,19 +150,14 @@ ROWS = [
     ("QUADRATIC.rho", "parameters"),
     ("QUADRATIC.integrals", r"report\(field\)"),
     # functions of users
-    ("Field(lambda x: math.sin(x[0]), 'x')", r"np\.sin"),
-    ("Field(lambda x: 1 if x[0] > 0 else 2, 'x')", r"np\.where"),
     ("Field.from_equations(\"x' = interp(t, [0, 1], [1, 0]); t' = 1\")", r"\(0, 1, 2\)"),
     ("Field(lambda x: float(x[0]), 'x')", r"x for float\(x\)"),
-    ("Field(in_zeros, 3)", r"np\.zeros_like\(x\)"),
     ("Field(lambda x: x + np.ones((2, 1)) * x[0], 2)",
      r"shape \(2, 2\).*write B\[:, 0\]"),
     ("Field(lambda x, A: A @ x, 2, A=np.eye(2))",
      "leave a matrix out of the parameters"),
     ("Field(lambda x, *p: p[0] * x, 2, p=(1, 2))", "parameters have names"),
     ("Field(np.gradient, 5)", r"x\[2:\] - x\[:-2\]"),
-    ("Field(lambda x: CubicSpline([0, 1, 2], [0, 1, 0])(x[0]), 1)",
-     r"np\.interp for a table, of a fine one"),
     *((f"Field(lambda x: {f}, 'x')", r"np\.interp\(t, np\.repeat\(knots, 2\)\[1:\]") for f in (
         "np.searchsorted([0, 1], x)", "np.digitize(x, [0, 1])", "np.eye(3)[0][int(x[0] // 2)]",
         "np.eye(3)[0][np.floor(x[0])]", "np.floor(x[0]).astype(int)", "[1, 2][math.floor(x[0])]",
@@ -176,12 +169,6 @@ ROWS = [
     ("integrability.reversing_symmetries", r"report\(field\)"),
     ("integrability.RationalMap(lambda x: x, 'x y')", r"Map\(f, names\)"),
 ]  # fmt: skip
-
-
-def in_zeros(x):
-    dx = np.zeros(3)
-    dx[0] = x[1]
-    return dx
 
 
 def each_typed():
@@ -196,7 +183,7 @@ def each_typed():
 
 @pytest.mark.parametrize(("typed", "said"), [*each_typed()])
 def test_what_is_typed_leads_on(typed, said):
-    names = globals() | results() | {"math": math, "sympy": sympy, "CubicSpline": CubicSpline}
+    names = globals() | results() | {"math": math, "sympy": sympy}
     with pytest.raises((TypeError, ValueError, AttributeError, ImportError)) as told:
         exec(typed, names)
     assert re.search(said, str(told.value)), told.value

@@ -13,7 +13,7 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import in_order, program_of
 from .equations import Equations
 from .symbolic import Tracer
-from .trace import operands_of_function
+from .trace import operands_of_function, taken, taking, timed
 
 _SAMPLES, _LEAST = 24, 1e-9  # random states; the largest dI/dt of first integrals, of its terms
 
@@ -32,6 +32,8 @@ def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations
         integrals = []
         for f in functions:
             argument = "constraints"  # any number of values
+            f = timed(f)
+            f = taking(f, taken(f, field.parameters))
             given = operands_of_function(argument, f, field.names, field.parameters, tracer)[1]
             integrals += given
     elif not integrals:
@@ -54,15 +56,21 @@ def _check(field: Any, values: Any, rates: Sequence[Any], integrals: Sequence[An
     x = np.random.default_rng(3).normal(size=(_SAMPLES, D))
     x *= 10.0 ** np.linspace(-1.0, 0.3, _SAMPLES)[:, None]
     with np.errstate(all="ignore"):
-        x = field.projected(x).T if "residuals" in field._equations.sizes else x.T
-        given = [np.full(_SAMPLES, np.ravel(a)[0]) for a in field._inputs]
+        given = [np.resize(np.ravel(a), _SAMPLES) for a in field._inputs]
+        if "residuals" in field._equations.sizes:
+            single = field._with_parts(
+                field._parts | {n: float(np.ravel(a)[0]) for n, a in field.parameters.items()}
+            )
+            x = single.projected(x)
+        x = x.T
         numbers: dict[Any, Any] = dict(enumerate([*x, *given]))
         evaluate(values.operations, numbers)
         for k, row in enumerate(slopes):
             terms = [_value(a, numbers) * _value(rates[j], numbers) for j, a in row.items()]
             change, size = abs(sum(terms)), sum(map(abs, terms))
             found = np.broadcast_to(change / np.where(size > 0.0, size, 1.0), _SAMPLES)
-            if np.median(found[np.isfinite(found)]) > _LEAST:
+            found = found[np.isfinite(found)]
+            if np.median(found) > _LEAST or (found > 1e3 * _LEAST).any():
                 at = spell(x[:, 0].round(3).tolist()) if D < 9 else "a random state"
                 raise ValueError(f"integrals: function {k} changes along the motion, as at {at}")
 

@@ -261,7 +261,7 @@ def _by_one_call(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list
     state, last = tracer.state, []
     if isinstance(f, Timed):
         y = f.given(state, tracer)
-        if len(y) < len(state) and argument != "surface":
+        if len(y) < len(state) and argument not in ("surface", "constraints"):
             last = [1.0 if argument == "f" else f.time]
         state = y
     result = called(argument, f, state, tracer.parameters, as_script)

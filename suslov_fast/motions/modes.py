@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import warn
+from ..core.expressions.programs import Program, emitted, in_order
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..core.hybrid.sliding import SlidingEquations
@@ -36,7 +37,15 @@ def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: in
     if not modes.size:
         return None
     names = [*equations.names, *(f"mode {g}" for g in range(modes.size))]
-    return Equations(names, equations.parameters, modes.values, modes.results), modes
+    count, rows = equations.invariants
+    program = in_order(equations.values, [*rows])
+    program = Program(program[0].operations, program[1])
+    known = {i: i for i in range(D)} | {D + p: D + modes.size + p for p in range(P)}
+    rows = emitted(modes.values, program, known) if rows else []
+    kept = {"residuals": rows[:count], "conserved": rows[count:]} if rows else {}
+    return Equations(
+        names, equations.parameters, modes.values, modes.results, quantities=kept
+    ), modes
 
 
 class Sliding:

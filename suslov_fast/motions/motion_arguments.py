@@ -158,7 +158,7 @@ def checked_starts(
 
 def check_constraints(field: Any, x: FloatArray) -> None:
     """Raise ValueError if initial states violate constraints of mechanics."""
-    if field._equations is None or "residuals" not in field._equations.sizes:
+    if field._equations is None or "residuals" not in field._equations.sizes or not x.size:
         return
     errors = abs(field.residuals(x))
     matrix = field._quantity("matrix", x)

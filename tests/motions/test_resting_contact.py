@@ -47,6 +47,49 @@ def test_balls_rest_on_floors_anywhere(rng, stiff):
     assert (abs(motion.final - rest) <= allowed)[motion.ok].all()
 
 
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize(("side", "direction"), [(1, -1), (1, 0), (-1, 1), (-1, 0)])
+@pytest.mark.parametrize("T", [1e4, -1e4])
+def test_no_ball_of_little_restitution_falls_through_its_floor(rng, stiff, side, direction, T):
+    """A hit at the height -1e-16 may throw the ball up by less than that, so it stays below 0."""
+    n = 200
+    floor, e = rng.choice([0.0, 0.0, 1.0, -1.0], n), 10 ** rng.uniform(-13, -1, n)
+    g, h, v = 10 ** rng.uniform(-2, 2, n), rng.uniform(0.1, 3.0, n), rng.normal(size=n)
+    values = {"g": side * g, "e": e, "floor": side * floor}
+    ball = Field(lambda x, g, e, floor: (x[1], -g), "y v", **values)
+    bounce = Event(lambda x, floor: x[0] - floor, direction=direction,
+                   to=lambda x, e: (x[0], -e * x[1]))  # fmt: skip
+    starts = np.stack([side * (floor + h), v], axis=-1)
+    motion = flow(ball, starts, time=T, events=bounce, stiff=stiff)
+    assert motion.ok.all()
+    np.testing.assert_allclose(motion.final[:, 0], side * floor, atol=1e-12)
+    hits = motion.events
+    is_toward = np.sign(hits.before[:, 1]) == -side * np.sign(T)
+    assert is_toward.all()
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-9, 1e-12])
+def test_balls_that_start_on_a_table_rest_on_it(rng, rtol):
+    """The rounding error of the phase w t is larger than that of sin(w t)."""
+    n = 300
+    A = 10 ** rng.uniform(-1.5, 0.3, n)
+    w, e = np.sqrt(rng.uniform(0.05, 0.95, n) * 9.81 / A), rng.uniform(0.0, 0.9, n)
+    t, v = rng.uniform(0.0, 3.0, n), 10 ** rng.uniform(-6, -1, n)
+    A[0], w[0], e[0] = 0.10284188083015185, 7.08880856111813, 0.14929962715251346
+    t[0], v[0] = 2.667723492741909, 0.001279777762266519
+    ball = Field(lambda s, A, w, e: (s[1], -9.81, 1.0), "h v t", A=A, w=w, e=e)
+
+    def to(s, A, w, e):
+        return s[0], (1 + e) * A * w * np.cos(w * s[2]) - e * s[1], s[2]
+
+    hit = Event(lambda s, A, w: s[0] - A * np.sin(w * s[2]), direction=-1, to=to)
+    starts = np.stack([A * np.sin(w * t), A * w * np.cos(w * t) + v, t], axis=-1)
+    motion = flow(ball, starts, time=1.0, events=hit, rtol=rtol)
+    assert motion.ok.all()
+    h, _, t = motion.final.T
+    np.testing.assert_allclose(h, A * np.sin(w * t), atol=1e-7 + 1e-2 * rtol)
+
+
 @pytest.mark.parametrize(
     ("rtol", "T", "n"), [*((10.0**k, 100.0, 501) for k in (-6, -9, -12)), (1e-9, 10_000.0, 7)]
 )

@@ -3,6 +3,8 @@
 from .dense_product import ENTRY, DenseMatrix, is_matrix
 from .values import larger, operand_of
 
+_SLOPES = {"sin": "cos", "cos": "sin"}
+
 
 def sizes_of(values, operations, state, with_branches=True):
     """Return {number of a value: its size before cancellation}; sizes are `Number`s in `values`.
@@ -36,3 +38,36 @@ def sizes_of(values, operations, state, with_branches=True):
             size = values.number(state[operands[0]]).select(a, b)
         sizes[number] = size
     return sizes
+
+
+def with_phases(values, operations, state, sizes):
+    """Return `sizes` plus the changes of values if arguments of sin and cos change by their sizes.
+
+    So sin(a) at a = 1000 has a rounding error of up to 1000 units. Arguments are as in `sizes_of`,
+    with all values of `operations` in `state`. Changes of other functions of sin(a) do not count.
+    """
+    changes = {}
+
+    def modulus(a):
+        return abs(a) if isinstance(a, float) else abs(values.number(state[a]))
+
+    for name, number, operands in operations:
+        of = [0.0 if type(a) is float else changes.get(a, 0.0) for a in operands]
+        if name in _SLOPES and type(operands[0]) is int:
+            slope = values.emit(_SLOPES[name], state[operands[0]])
+            changes[number] = abs(values.number(slope)) * (sizes[operands[0]] + of[0])
+        elif all(type(change) is float for change in of):
+            continue
+        elif name in ("fadd", "fsub"):
+            changes[number] = of[0] + of[1]
+        elif name == "fmul":
+            changes[number] = of[0] * modulus(operands[1]) + of[1] * modulus(operands[0])
+        elif name == "fdiv":
+            changes[number] = (of[0] + of[1] * modulus(number)) / modulus(operands[1])
+        elif name == "fabs":
+            changes[number] = of[0]
+        elif name in ("max", "min"):
+            changes[number] = larger(*of)
+        elif name == "select":
+            changes[number] = values.number(state[operands[0]]).select(*of[1:])
+    return {a: size + changes[a] if a in changes else size for a, size in sizes.items()}

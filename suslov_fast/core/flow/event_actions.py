@@ -39,16 +39,18 @@ def _level(is_above, value, rounding):
     return is_above.select(smaller(value, 0.0), below)
 
 
-def _side(value, rate, size, rate_size, near, t, sign):
+def _side(value, rate, size, rate_size, near, t, sign, at=0.0):
     """Return `side` and `level` of a state at a surface s = 0, and whether it `is_on` the surface.
 
     The state is above if s >= `level`, usually 0. It is on the surface if |s| is rounding, or if s
-    becomes 0 within the time NEARLY * t. Then its side is the one to which the rate leads, and
+    becomes 0 within the time NEARLY * t. The same holds if s - `at` is rounding: `at` is the level
+    that an action has left. Then its side is the one to which the rate leads, and
     `level` becomes a number close to s, such that s is on this side of it. If the rate is rounding,
     the side is STAYS.
     """
     rounding = ROUNDING * (size + rate_size * t)
-    is_on = abs(value) <= larger(near, NEARLY * t * abs(rate)) + rounding
+    away = smaller(abs(value), abs(value - at))
+    is_on = away <= larger(near, NEARLY * t * abs(rate)) + rounding
     stays = abs(rate) <= ROUNDING * rate_size
     goes_up = sign * rate > 0.0
     level = _level(goes_up, value, rounding)
@@ -98,6 +100,19 @@ def TOUCHING_SIDE(
 
 
 @scalar_kernel
+def LEVEL_AFTER_ACTION(side, level, value, rate, fired, holds, t, sign):
+    """Return the level of a surface on which an event has acted (`fired`).
+
+    The level is 0 again if the state, beyond s = 0 by rounding, reaches its side at once. But an
+    action may leave the state so slow that it returns before. It returns to where it was.
+    """
+    leads = (side > 0.5).select(sign * rate, -(sign * rate))
+    is_clear = ~side.equals(STAYS) & (abs(value) <= NEARLY * t * leads)
+    is_clear = is_clear & (abs(fired) > 0.0) & (holds < 2.0)
+    return {"level": is_clear.select(0.0, level)}
+
+
+@scalar_kernel
 def CROSSED(
     value, rate, size, rate_size, near, side, level, crossed_at, is_here, by_motion, holds, t, last,
     sign, accepted, f_ends,
@@ -114,7 +129,8 @@ def CROSSED(
     of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
     near = (f_ends > 0.0).select(larger(near, EDGE * t * abs(rate)), near)
     of_terms = stays.select(LOW, NOISE) * size
-    near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign)
+    at = (holds > 1.0).select(0.0, level)
+    near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign, at)
     on, is_slow = near_surface["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
@@ -124,8 +140,11 @@ def CROSSED(
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
     differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
     again = (by_motion | on) & (t - crossed_at <= AT_ONCE * t)
+    # A level lasts until s itself, at the level 0, is on the side of the state.
+    lasts = has_side & now.equals(side) & of_value.equals(side)
+    lasts = lasts & ((value >= 0.0) ^ (side > 0.5))
     moved = on & has_side & (by_motion | of_rest)
-    moved = moved.select(_level(now > 0.5, value, ROUNDING * size), 0.0)
+    moved = moved.select(_level(now > 0.5, value, ROUNDING * size), lasts.select(level, 0.0))
     moved = (holds > 1.0).select(level, moved)
     changes = is_here | (stays & (accepted > 0.0))
     return {
@@ -141,14 +160,15 @@ def CROSSED(
 @scalar_kernel
 def AGAIN(
     fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
-    pause, more, limit, hop, sign,
+    pause, more, limit, hop, sign, rests,
 ):  # fmt: skip
     """Return `more` > 0 if actions at s = 0 follow one another at once, and when they accumulate.
 
     With r = ds/dt and a = dr/dt after the action, s is 0 again after a time 2 |r / a|, and |s|
     rises to r**2 / (2 |a|). If each action reduces r by the factor q, the times of actions have the
     `limit` 2 |r / a| / (1 - q) later, when the state is at rest. If a does not lead back, `limit`
-    is Aitken's extrapolation from the times of the last actions.
+    is Aitken's extrapolation from the times of the last actions. If the action itself decides when
+    a body rests (`rests`), only actions that do follow at once count.
 
     The next step is at most `hop`, twice the time 2 |r / a|. If s is a cubic that returns to 0 and
     becomes positive again, it is negative there: at the end of this step the return is seen.
@@ -161,11 +181,13 @@ def AGAIN(
     returns = is_on & bends & (stays | (turn * rate > 0.0))
     comes_back = returns & (abs(rate) < abs(rate_before))
     parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
-    away = comes_back.select(parabola, gap)
+    rests = rests > 0.0
+    away = (comes_back & ~rests).select(parabola, gap)
     of_terms = LOW * (size + rate_size * now)  # rounding errors of s at times near t
     is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
-    is_at_once = is_fired & ((away <= AT_ONCE * now) | is_low)
-    counts = is_at_once.select(comes_back.select(ACTIONS_AT_ONCE, 1.0), 0.0)
+    is_soon = (away <= AT_ONCE * rests.select(t, now)) | (is_low & ~rests)
+    is_at_once = is_fired & is_soon
+    counts = is_at_once.select((comes_back & ~rests).select(ACTIONS_AT_ONCE, 1.0), 0.0)
     of_gaps = (pause > gap).select(gap * gap / (pause - gap), 0.0)
     of_rates = parabola / (1.0 - abs(rate / rate_before))
     return {
@@ -366,9 +388,12 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         found = _with_touching_side(code, k, side[place], level[place], fired)
         side[place], level[place] = found["side"], found["level"]
         stays = found["side"].equals(STAYS)
-        holds = text.constants([*map(float, events.holds)])[k]
-        level.choose((abs(fired) > 0.0) & ~stays & (holds < 0.5), place, 0.0)
-        inputs = _at_surface(work.toward, k) | {"later": _at_surface(work.ahead, k)["rate"]}
+        numbers = _at_surface(work.toward, k)
+        given = {"side": found["side"], "level": found["level"], "fired": fired}
+        given["holds"] = text.constants([*map(float, events.holds)])[k]
+        level[place] = code.apply(LEVEL_AFTER_ACTION, **numbers, **given)["level"]
+        inputs = numbers | {"later": _at_surface(work.ahead, k)["rate"]}
+        inputs["rests"] = text.constants([*map(float, events.rests)])[k]
         so_far = {name: getattr(again, name) for name in ("more", "limit", "hop")}
         found = code.apply(AGAIN, k, **inputs, **so_far)
         for name in ("acted_at", "pause"):
@@ -413,12 +438,14 @@ def _cross(code, k, is_there, by_motion):
             _look_at_end(code)
             after = _at_surface(code.work.toward, k)  # the state was on this surface
             after["near"] = crossing["near"] + LOW * after["size"]
-            after["rate_size"] = after["rate_size"] + abs(numbers["rate"])
+            own = after["rate_size"]
+            after["rate_size"] = own + abs(numbers["rate"])
             now = code.apply(SIDE, **after)
             if events.holds[k]:
                 is_above = after["value"] > 0.0
                 level = is_above.select(0.0, after["value"])
-                level = level - ROUNDING * (after["size"] + after["rate_size"] * line.t[0])
+                terms = own if events.holds[k] < 2 else after["rate_size"]
+                level = level - ROUNDING * (after["size"] + terms * line.t[0])
                 now = {"side": text.value(1.0), "level": level}
             line.side.choose(fires, place, now["side"])
             line.side.choose(fires, place + 1, now["level"])

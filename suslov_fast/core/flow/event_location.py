@@ -219,6 +219,17 @@ def NEXT_LENGTH(
 
 
 @scalar_kernel
+def LEVEL(value, side, level, accepted):
+    """Return the level of a surface after a step; it is 0 once s is on its side by as much.
+
+    Until then rounding errors of s may be as large as the level.
+    """
+    is_on_side = (side > 0.5).select(value, -value) >= abs(level)
+    is_over = (accepted > 0.0) & is_on_side & (side.equals(1.0) | side.equals(0.0))
+    return {"level": is_over.select(0.0, level)}
+
+
+@scalar_kernel
 def TIME_AND_STATE(
     before, t, steps, state, tries, accepted, next, last, most, mode, jumps, crosses, refused, ends,
     lands, moves,
@@ -276,6 +287,17 @@ def cut(code, before, total):
     of_step["jumped"] = found.pop("jumped")
     code.keep(work, of_step)
     code.keep(line, found)
+    for k in _with_levels(integrator):  # the surfaces of events are the last ones
+        inputs = {"value": of_new.after(count - surfaces)[k], "side": line.side[2 * k]}
+        inputs |= {"level": line.side[2 * k + 1], "accepted": work.accepted[0]}
+        line.side[2 * k + 1] = code.apply(LEVEL, **inputs)["level"]
+
+
+def _with_levels(integrator):
+    """Return the numbers of events on surfaces that set the state, except those of modes."""
+    events = integrator.events
+    surfaces = range(integrator.event_surfaces)
+    return [k for k in surfaces if events.components[k] and events.holds[k] < 2]
 
 
 def _look_at_points(code, length, from_start):

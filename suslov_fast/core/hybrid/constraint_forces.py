@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ..expressions.derivative import gradients
 from ..expressions.function_records import same
 from ..expressions.programs import Expressions, dot, emitted, needed_for, program_of
-from ..expressions.rounding import sizes_of
+from ..expressions.rounding import sizes_of, with_phases
 from ..expressions.values import Number, operand_of
 
 
@@ -51,13 +51,18 @@ class ExtendedState(Expressions):
         pairs = [(row[i], a) for i, a in enumerate(f) if i in row and not same(a, 0.0)]
         return self.number(dot(self.emit, pairs) if pairs else 0.0)
 
-    def at(self, x, wanted):
-        """Return `Number`s: the operands `wanted` at the state x, and the sizes of their terms."""
+    def at(self, x, wanted, phases=False):
+        """Return `Number`s: the operands `wanted` at the state x, and the sizes of their terms.
+
+        With `phases`, sizes include rounding errors of the arguments of sin and cos.
+        """
         wanted = [*map(operand_of, wanted)]
         copy = dict(enumerate(x)) | {p: p for p in self.parameters}
         program = program_of(self.operations, wanted)
         results = emitted(self, program, copy)
         sizes = sizes_of(self, program.operations, copy)
+        if phases:
+            sizes = with_phases(self, program.operations, copy, sizes)
         sizes = [self.number(abs(a)) if isinstance(a, float) else sizes[a] for a in wanted]
         return [*map(self.number, results)], sizes
 

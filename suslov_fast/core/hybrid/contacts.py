@@ -44,6 +44,8 @@ class Contact:
     direction     `EventAction.direction`
     constraint    the `Constraint` of a body at rest: d2s/dt2 = 0
     bend, square  d2s/dt2 of the free body, and the sum of the squares of the terms of d2s/dt2
+    rounding      the sum of the squares of ds/dx_i x_i: relative errors of x_i change s by a part
+                  of its root
     """
 
     def __init__(self, values, action, mode, f):
@@ -59,6 +61,8 @@ class Contact:
         self.bend = values.dot(normal, f)
         terms = [values.number(a) * values.number(f[i]) for i, a in normal.items()]
         self.square = joined("fadd", [a * a for a in terms] or [values.number(0.0)])
+        terms = [values.number(a) * values.number(i) for i, a in gradient.items()]
+        self.rounding = joined("fadd", [a * a for a in terms] or [values.number(0.0)])
 
 
 class Contacts:
@@ -91,15 +95,22 @@ class Contacts:
             changes[c.mode] = -(bend + 2.0 * k * c.rate + k * k * c.s)
         return self.values.with_forces(f, self.constraints, changes)[0]
 
+    def _beyond(self, s, square, rounding):
+        """Return a `Number` that is positive if |s| is too large for a body at a contact.
+
+        So it is if the surface jumps away. `square` and `rounding` are those of the `Contact`. They
+        have no kinks, as moduli would.
+        """
+        way = FAR * (self.time * self.time)
+        return s * s - (way * way * square + LOW * LOW * rounding + LEAST)
+
     def action_of(self, k):
         """Return operands: the surface where event k acts or rest ends, and the new state."""
         contact, number = self.contacts[k], self.values.number
         s, rests = contact.s, contact.constraint.holds
-        way = FAR * (self.time * self.time)
-        # A surface that jumps away from a body at rest also ends the rest. The comparison does not
-        # change along flights, where it would end steps.
-        away = rests.select(s, 0.0)
-        is_on = away * away <= way * way * contact.square + LEAST
+        # A surface that jumps away from a body at rest also ends the rest. The compared numbers do
+        # not change along flights, where they would end steps, or make them shorter.
+        is_on = rests.select(self._beyond(s, contact.square, contact.rounding), -1.0) <= 0.0
         surface = rests.select(is_on.select(self.reactions[k], -self.reactions[k]), s)
         stays = rests
         if contact.direction:  # a body that leaves its rest, beyond s by rounding, must not bounce
@@ -118,17 +129,22 @@ class Contacts:
         x = [*x]
         found, touched = [], number(0.0)
         for c in self.contacts.values():
-            (s, rate, bend, square), sizes = values.at(x, (c.s, c.rate, c.bend, c.square))
+            wanted = c.s, c.rate, c.bend, c.square, c.rounding
+            (s, rate, bend, square, rounding), sizes = values.at(x, wanted)
             s, rate, force = abs(s), abs(rate), square.sqrt()
-            low = LOW * (sizes[0] + sizes[1] * time)  # smaller values of s are rounding
+            [size] = values.at(x, (c.s,), phases=True)[1]
+            low = LOW * (size + sizes[1] * time)  # smaller values of s are rounding
             of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time) + LEAST
             # By the rounding of a surface that a body touches it may push other bodies.
             touched = larger(touched, (s <= low + of_step).select(low, 0.0))
-            found.append((s, rate, bend, force, low, of_step))
+            found.append((s, rate, bend, square, rounding, low, of_step))
         for (k, c), numbers in zip(self.contacts.items(), found, strict=True):
-            s, rate, bend, force, low, of_step = numbers
+            s, rate, bend, square, rounding, low, of_step = numbers
+            force = square.sqrt()
             low, rests = larger(low, touched), c.constraint.holds
             is_on = (s <= low + of_step) | (rests & (s <= 2.0 * abs(c.s)))
+            if k == leaving:  # the event of this contact has led the body to its surface
+                is_on = is_on | (self._beyond(s, square, rounding) <= 0.0)
             # The duration of the next bounce, or its height, is below rounding errors.
             is_slow = (2.0 * rate <= force * (SOON * time)) | (0.5 * (rate * rate) <= force * low)
             lands = is_on & (is_slow | (rests & (rate <= 2.0 * abs(c.rate))))

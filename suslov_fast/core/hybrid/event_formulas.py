@@ -19,7 +19,7 @@ from ..cached import cached_property
 from ..expressions.derivative import gradients
 from ..expressions.function_records import same
 from ..expressions.programs import Expressions, Program, dot, emitted, needed_for, program_of
-from ..expressions.rounding import sizes_of
+from ..expressions.rounding import sizes_of, with_phases
 from ..expressions.tables import is_table
 from ..expressions.values import operand_of
 
@@ -68,6 +68,7 @@ class EventAction(NamedTuple):
     most       the action of this number ends the trajectory; infinity if none ends it
     holds      the actions after which a state on the surface is taken to be above it, even if its
                rate leads below: 0: none, 1: those of this event, 2: those of any event
+    rests      True if the action itself decides whether a body that bounces comes to rest
     """
 
     surface: Program | None
@@ -75,6 +76,7 @@ class EventAction(NamedTuple):
     direction: int
     most: float
     holds: int = 0
+    rests: bool = False
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, such as components."""
@@ -138,6 +140,7 @@ class EventSet(NamedTuple):
     components   for each event the numbers of the components that it may set
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
+    rests        `EventAction.rests` of the events on surfaces
 
     The part `toward` serves all surfaces. The others belong to event k; the head has tau and v:
 
@@ -158,6 +161,7 @@ class EventSet(NamedTuple):
     components: tuple
     P: int
     holds: tuple
+    rests: tuple
 
     surfaces = property(lambda self: len(self.directions))
     count = property(lambda self: len(self.most))
@@ -201,6 +205,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
         components=components,
         P=P,
         holds=tuple(action.holds for action in on_surfaces),
+        rests=tuple(action.rests for action in on_surfaces),
     )
 
 
@@ -220,6 +225,8 @@ def _toward(actions, D, P):
     moduli = {j: operand_of(abs(values.number(a))) for j, a in f.items()}
     for action, new, s, row in zip(actions, copies, surfaces, slopes, strict=True):
         sizes = sizes_of(values, action.surface.operations, new)
+        if action.holds < 2:
+            sizes = with_phases(values, action.surface.operations, new, sizes)
         steep = {j: operand_of(abs(values.number(slope))) for j, slope in row.items()}
         results += [
             s,

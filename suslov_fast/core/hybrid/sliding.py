@@ -214,7 +214,8 @@ class SlidingEquations(_Rates):
             surface, to = [s], self._with_modes(x, leaving=k)
             # ds/dt of a body that leaves its rest is rounding. So if the event acts downwards,
             # `holds` = 1 says, in place of ds/dt, that the body is above the surface.
-            action = action._replace(most=inf, holds=int(action.direction < 0))
+            holds = int(action.direction < 0)
+            action = action._replace(most=inf, holds=holds, rests=True)
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
             for s, slides in zip(self.surfaces, self.slides, strict=True):

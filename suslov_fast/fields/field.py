@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import checks
-from ..checks import FloatArray, arguments_of, short, wrong
+from ..checks import FloatArray, arguments_of, common_shape, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
@@ -522,7 +522,10 @@ class Field(Traced):
     @public
     def projected(self, x: Any, steps: int = 8) -> FloatArray:
         """Return states on the constraints, near the states x in the metric of the masses."""
-        x = np.array(checks.states("x", x, self.names))
+        self._quantity("residuals", x)  # raises if there are none
+        x = checks.states("x", x, self.names)
+        batch = common_shape({"system": self.shape, "x": x.shape[:-1]})
+        x = np.array(np.broadcast_to(x, (*batch, self.dimension)))
         sizes = self._equations.sizes
         n, m = sizes["momenta"], sizes["corrections"]
         has_positions = sizes["residuals"] > sizes["multipliers"]
@@ -540,7 +543,8 @@ class Field(Traced):
         ----------
         *integrals : callable
             Functions of the state, and of parameters by name, that are constant along each motion;
-            each returns one value or several. By default the energy.
+            each returns one value or several. By default the energy. Integrals that the field
+            keeps already stay.
 
         Returns
         -------
@@ -549,7 +553,9 @@ class Field(Traced):
         Raises
         ------
         TypeError, ValueError
-            If the field is not one of formulas, or a function is not constant along motions.
+            If the field is not one of formulas, or a function is not constant along motions; this
+            is tested at random states. :func:`flow` warns if an integral changes at x0 or at one of
+            the wanted states, as it may with other parameters, or with a force that acts later.
 
         Examples
         --------

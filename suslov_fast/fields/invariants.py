@@ -19,15 +19,20 @@ _SAMPLES, _LEAST = 24, 1e-9  # random states; the largest dI/dt of first integra
 
 
 def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations:
-    """Return the equations of a field with first integrals, by default the energy."""
+    """Return the equations of a field with first integrals, by default the energy.
+
+    Integrals that the field keeps already stay. Equal formulas count once.
+    """
     old, D = field._equations, field.dimension
     quantities = {name: of for name, of in old.quantities.items() if name != "conserved"}
     others = [a for of in quantities.values() for a in of]
     first = [old.H] if old.H is not None else quantities.get("energy", [])
-    values, operands = in_order(old.values, [*old.results, *others, *first])
+    before = old.quantities.get("conserved", [])
+    values, operands = in_order(old.values, [*old.results, *others, *first, *before])
     tracer = Tracer(field.names, [*old.parameters])
     tracer.values = values
-    integrals = operands[D + len(others) :]
+    place = len(operands) - len(before)
+    integrals, before = operands[D + len(others) : place], operands[place:]
     if functions:
         integrals = []
         for f in functions:
@@ -42,7 +47,7 @@ def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations
     rest = iter(operands[D:])
     kept = {name: [next(rest) for _ in of] for name, of in quantities.items()}
     H = None if old.H is None else operands[D + len(others)]
-    of_all = kept | {"conserved": integrals}
+    of_all = kept | {"conserved": [*dict.fromkeys([*before, *integrals])]}
     return Equations(
         field.names, old.parameters, values, operands[:D], H, old.K, old.ratios, of_all
     )

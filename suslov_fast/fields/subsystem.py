@@ -23,6 +23,8 @@ def subsystem(field: Any, names: Sequence[str], held: Mapping[str, float]) -> Eq
     rows = {"": [old.results[i] for i in kept]}
     if "energy" in old.sizes:
         rows["energy"] = old.quantities["energy"]
+    conserved = old.quantities.get("conserved", [])
+    rows |= {f"conserved {k}": [a] for k, a in enumerate(conserved)}
     rng = np.random.default_rng(2)
     at = {field.names.index(name): float(value) for name, value in held.items()}
     x = rng.normal(size=(D, _SAMPLES))
@@ -69,6 +71,9 @@ def subsystem(field: Any, names: Sequence[str], held: Mapping[str, float]) -> Eq
             )
         result[name] = [a if isinstance(a, float) else new[a] for a in operands]
     main = result.pop("")
+    integrals = [result.pop(f"conserved {k}", []) for k in range(len(conserved))]
+    if any(integrals):
+        result["conserved"] = [a for of in integrals for a in of if type(a) is int]
     if not all(np.isfinite(a) for a in main if isinstance(a, float)):
         raise ValueError("names: the rates have no value where the other variables are 0")
     return Equations(

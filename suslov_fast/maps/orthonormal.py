@@ -18,8 +18,8 @@ def added(terms: FloatArray) -> FloatArray:
 
 
 def dual_product(A: FloatArray, B: FloatArray) -> FloatArray:
-    """Return A^T B of matrices (K, n, n)."""
-    total = np.zeros(np.broadcast_shapes(A.shape, B.shape))
+    """Return A^T B of matrices A (K, n, m) and B (K, n, l)."""
+    total = np.zeros((max(len(A), len(B)), A.shape[2], B.shape[2]))
     for i in range(A.shape[1]):
         total += A[:, i, :, np.newaxis] * B[:, i, np.newaxis]
     return total

@@ -7,6 +7,11 @@ the given states, unless the matrix is singular in these units. Newton's method 
 step is much shorter than the step before, as near a regular equilibrium; at a multiple root each
 step is half as long, and near a family of equilibria it may be. Members of a family near the start
 are found by other steps (`_Equations.in_family`).
+
+Equations f = 0 of mechanics with constraints have solutions off the constraints, which mean
+nothing. So the equations are those of residuals of constraints, and of f in the tangent space T at
+the present state: T^T f = 0. A Newton step neglects that T changes, by parts that are 0 at
+equilibria. Eigenvalues are those of f' in the tangent space.
 """
 
 from __future__ import annotations
@@ -20,6 +25,7 @@ from ..bodies.systems import System
 from ..checks import FloatArray, StatesLike, common_shape, first_index, short, spell, warn
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
+from ..fields.constraints import constraints_of, near_constraints
 from ..fields.field import starts_of, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
@@ -28,6 +34,7 @@ from ..keywords import lacking, public
 from ..pairs import joined
 from ..results.result import place_in
 from ..status import Status
+from .tangent_spaces import tangent_basis, within
 
 _MOST, _MOST_DAMPED = 30, 60  # the most Newton steps, and the most damped Newton steps
 _SHORTER = 0.25  # the largest ratio of a step to the step before; above it Newton's method ends
@@ -57,8 +64,9 @@ class Equilibria(NamedTuple):
         The equilibria; NaN where none is found.
     eigenvalues : ndarray(complex, shape=(..., k))
         Eigenvalues of f', by decreasing real part; k is D without the variables that have a
-        constant rate. For a `Map` they are its multipliers, by decreasing modulus. In conjugate
-        pairs Im > 0 comes first.
+        constant rate. With constraints they are those of motions that satisfy them, and k is the
+        dimension of their manifold. For a `Map` they are its multipliers, by decreasing modulus. In
+        conjugate pairs Im > 0 comes first.
     status : ndarray(int, shape=(...))
         The :class:`Status`: `OK`, `DEGENERATE`, `NOT_FOUND` or `NONFINITE`. It is `DEGENERATE`
         where f' is singular up to rounding: at a multiple root, where states have 7 digits, and on
@@ -136,6 +144,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     converge at once, it continues with shorter steps, and then ``scipy.optimize.root`` with its
     methods "hybr" and "lm" tries; these equilibria may be far from `near`. Linear integrals of f,
     such as the totals that a reaction conserves, keep the values that they have in `near`.
+    Equilibria satisfy the constraints of the equations; `near` need not.
 
     Members of a family may lead to different equilibria. To follow one equilibrium, pass the last
     result as `near` of the next call. A body without a rotor has a line of equilibria; the result
@@ -208,6 +217,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
     x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
     with np.errstate(all="ignore"):
+        x = near_constraints(field, x)
         has_line = np.zeros(batch, bool)
         if (line := body._steady_line) is not None:
             has_line = np.broadcast_to(~np.isnan(line).any(axis=-1), batch)
@@ -220,6 +230,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
         slopes = field.jacobian(x)[..., equations.moving, :][..., equations.moving]
+        slopes = equations.on_constraints(x, slopes)
         values = _eigenvalues(slopes, is_map)
         others = _eigenvalues(equations.without_totals(slopes, is_map), is_map)
         size = abs(slopes).max(axis=(-2, -1), initial=0.0) + is_map
@@ -295,16 +306,24 @@ class _Equations:
     is_total  True for rows with an integral (..., k)
     sizes     sizes of components (..., k), at least _LEAST times the largest one
     units     sizes of components (..., k), however small they are
+
+    With r constraints there are k - r rows of f in their tangent space, then r rows of constraints,
+    which `is_total` marks; linear integrals are not known then.
     """
 
     def __init__(self, field: Any, x: FloatArray, totals: Any = None, moving: Any = None) -> None:
         self.field, self.x = field, x
+        self.constraints: Any = constraints_of(field)
         steady = [{*f.steady} for _, f, _ in field._listed_right_hand_sides]
         left_out = [*set.intersection(*steady)] if steady else []
         self.moving = ~np.isin(np.arange(field.dimension), left_out) if moving is None else moving
         self.start = x[..., self.moving]
         self.totals = self._all_totals() if totals is None else totals
         self.is_total: Any = self.totals.any(axis=-1)
+        if self.constraints:
+            k = int(self.moving.sum())
+            r = len(self.constraints.rows(np.flatnonzero(self.moving).tolist()))
+            self.is_total = np.arange(k) >= k - r
         moduli = abs(self.start)
         largest = moduli.max(axis=-1, keepdims=True, initial=0.0)
         self.sizes = np.maximum(moduli, np.where(largest > 0, _LEAST * largest, 1.0))
@@ -313,6 +332,8 @@ class _Equations:
     def _all_totals(self) -> FloatArray:
         """Return matrices (..., k, k) with integrals as rows; a single one if members share it."""
         k, shape = int(self.moving.sum()), self.field.shape
+        if self.constraints:
+            return np.zeros((k, k))
         found, known = np.zeros((int(np.prod(shape)), k, k)), {}
         for members, f, table in self.field._listed_right_hand_sides:
             for member, C in zip(members, coefficients(f, table)[:, self.moving], strict=True):
@@ -338,16 +359,36 @@ class _Equations:
 
     def value(self, y: FloatArray) -> FloatArray:
         """Return the residual (..., k) of the variables y (..., k), which is 0 at equilibria."""
+        if self.constraints:
+            residuals, _, basis = self._of_constraints(self.whole(y))
+            rates = self.field(self.whole(y))[..., self.moving, np.newaxis]
+            along = (np.swapaxes(basis, -2, -1) @ rates)[..., 0]
+            return np.concatenate([along, residuals], axis=-1)
         away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
         return np.where(self.is_total, away, self.field(self.whole(y))[..., self.moving])
 
     def slopes(self, y: FloatArray) -> FloatArray:
         """Return the derivative (..., k, k) of the residual with respect to the variables y."""
         slopes = self.field.jacobian(self.whole(y))[..., self.moving, :][..., self.moving]
+        if self.constraints:
+            _, rows, basis = self._of_constraints(self.whole(y))
+            return np.concatenate([np.swapaxes(basis, -2, -1) @ slopes, rows], axis=-2)
         return np.where(self.is_total[..., np.newaxis], self.totals, slopes)
+
+    def _of_constraints(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return residuals (..., r), their derivatives (..., r, k), and a basis (..., k, k - r)."""
+        moving = np.flatnonzero(self.moving).tolist()
+        residuals, rows = self.constraints.of(x, self.field._inputs, moving)
+        return residuals, rows, tangent_basis(rows)
+
+    def on_constraints(self, x: FloatArray, slopes: FloatArray) -> FloatArray:
+        """Return f', `slopes`, at states x, in the tangent space of constraints if f has some."""
+        return within(self._of_constraints(x)[2], slopes) if self.constraints else slopes
 
     def without_totals(self, slopes: FloatArray, is_map: bool) -> FloatArray:
         """Return f', `slopes`, with negative numbers for eigenvalues 0 that integrals cause."""
+        if self.constraints:
+            return slopes
         one = np.eye(slopes.shape[-1])
         along = one - np.linalg.pinv(self.totals) @ self.totals
         size = abs(slopes).max(axis=(-2, -1), keepdims=True, initial=0.0) + 1e-300

@@ -76,6 +76,10 @@ class Event:
     A body that bounces in shorter and shorter hops comes to rest on the surface until a force lifts
     it, see ``Motion.phases``. If other events follow one another without end, the trajectory ends
     with the status ACCUMULATES.
+    On a field with constraints (:meth:`Field.from_lagrangian`) new velocities are followed by the
+    reactions to them: they become the nearest ones on the constraints, in the metric of the masses;
+    of a bounce, an action that turns or stops ds/dt, the new ds/dt is kept. New coordinates must be
+    on the constraints, as x0 must be; else the trajectory ends.
     With events, also the motion of a body is solved to the tolerance of :func:`flow`. Two events
     are equal if all attributes are equal. A function is equal to itself alone; ``Event.of`` makes
     an event of texts.

@@ -22,6 +22,7 @@ from ..pairs import joined
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
+from .actions_on_constraints import action_of
 from .event import Event, traced
 
 # `starts_at_rest` evaluates a surface function s before and after x0, at _NEAR times the size of x0
@@ -202,7 +203,7 @@ def checked_events(events: Any) -> tuple[Event, ...]:
 
 def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]:
     """Return the actions of events, traced for a field: surfaces first, then given times."""
-    actions = [traced(event, field).action for event in events]
+    actions = [action_of(event, field) for event in events]
     return tuple(actions[k] for k in in_order_of_code(actions))
 
 

@@ -24,6 +24,7 @@ from . import motion_arguments
 from .event import Event
 from .events import actions_of, batch_of, checked_events, event_times_of
 from .integration import threads_for
+from .kept_integrals import warn_of_changes
 from .tangents import exponents_of
 
 _SLIDING = {
@@ -93,7 +94,8 @@ def lyapunov_exponents(
         :class:`IntegrationWarning`, if an orbit of the map fails, or if a motion ends or slides
         along a surface where f jumps. If an orbit passed a pole, a warning says so: its exponents
         belong to the map, and not to the motion. A motion has no exponents for variables with a
-        constant rate other than 0, such as time, unless an event sets them.
+        constant rate other than 0, such as time, unless an event sets them. With constraints the
+        exponents are those of motions that satisfy them: as many as their manifold has dimensions.
 
     See Also
     --------
@@ -142,7 +144,9 @@ def lyapunov_exponents(
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
-    motion_arguments.warn_of_ends(ends, x, batch, causes=motion_arguments.CAUSES | _SLIDING)
+    warn_of_changes(body, x, batch, np.empty((0, *x.shape)), request.times[:0])
+    causes = {**motion_arguments.causes_of(body), **_SLIDING}
+    motion_arguments.warn_of_ends(ends, x, batch, causes=causes)
     return exponents.reshape(*batch, exponents.shape[1])
 
 

@@ -27,6 +27,7 @@ from . import motion_arguments
 from .event import Event
 from .events import actions_of, batch_of, checked_events, event_times_of, starts_at_rest
 from .integration import SolverResult, empty_result, to_tolerance
+from .kept_integrals import warn_of_changes
 from .modes import Sliding, are_stuck
 from .motion import Motion
 from .sensitivities import with_derivatives
@@ -150,7 +151,6 @@ def flow(
     names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
     x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
     if isinstance(body, Field):
-        motion_arguments.check_constraints(body, x.reshape(*batch, x.shape[1]))
         motion_arguments.warn_of_times(body, x, times, x0)
         if sign > 0 and body._tables_of_time:
             motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))
@@ -195,6 +195,7 @@ def solved(
         if not is_clear and len(where := are_stuck(result, at_rest[0])):
             part = Sliding(body._field, x, batch, where, request, events)
             result, phases = part.continued(result, names, at_rest)
+        warn_of_changes(body, x, batch, result.states, times)
         if report is not None and total and not result.is_stopped:
             # The engine may report less: it counts equal times once, and no states after an end.
             report(total)
@@ -205,7 +206,8 @@ def solved(
     status = again = zeros_of(batch)
     end = np.full(batch, last) if batch else last
     if result.ends is not None:
-        motion_arguments.warn_of_ends(result, x, batch, settings.atol)
+        causes = motion_arguments.causes_of(body)
+        motion_arguments.warn_of_ends(result, x, batch, settings.atol, causes)
         motion_arguments.warn_of_lost_components(result, batch)
         status, again = (a.reshape(batch) for a in (result.ends.status, result.ends.repeated))
         end = np.where(status, result.ends.t.reshape(batch), last)

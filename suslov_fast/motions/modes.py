@@ -22,6 +22,7 @@ from ..fields.right_hand_sides import with_events
 from ..fields.traced import EQUATIONS, NAMES
 from ..results.result import read_only
 from ..status import Status
+from .actions_on_constraints import action_of
 from .event import traced
 from .events import actions_of
 from .integration import SolverResult, to_tolerance
@@ -33,11 +34,11 @@ from .sensitivities import with_derivatives
 def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: int) -> Any:
     """Return equations with modes, as `Equations` and `SlidingEquations`; None without any mode."""
     D, P = len(equations.names), len(equations.parameters)
-    modes = SlidingEquations(equations.values, equations.results, D, P, actions, sign)
+    count, rows = invariants = equations.invariants
+    modes = SlidingEquations(equations.values, equations.results, D, P, actions, sign, invariants)
     if not modes.size:
         return None
     names = [*equations.names, *(f"mode {g}" for g in range(modes.size))]
-    count, rows = equations.invariants
     program = in_order(equations.values, [*rows])
     program = Program(program[0].operations, program[1])
     known = {i: i for i in range(D)} | {D + p: D + modes.size + p for p in range(P)}
@@ -102,7 +103,7 @@ class Sliding:
         where, D = self.where, self.x.shape[1]
         which, event = at_rest
         held = [self.given[k] for k in self.contacts]
-        if which is not None and traced(event, self.system).action not in held:
+        if which is not None and action_of(event, self.system) not in held:
             warn(
                 f"events: x0 rests on the surface of {event} in {which.sum()} of {which.size} "
                 "trajectories, and leaves it without an event, because a start is none: begin on "

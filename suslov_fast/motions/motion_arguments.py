@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,8 +12,10 @@ import numpy as np
 from .. import checks
 from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
+from ..core.expressions.projection import OFF, ROUNDING
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
+from ..fields.constraints import constraints_of
 from ..fields.field import starts_of
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
@@ -20,7 +23,6 @@ from .event import Event
 from .integration import FELL, SolverResult
 
 _DEPENDENT = 1e-10  # least singular value of independent constraints, rows of length 1
-_OFF = 1e-7  # the most by which initial states may violate constraints, in units of their terms
 _MOST = 1e-2  # the largest rtol
 # The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
 # means nothing, also if the user passed 1e-9.
@@ -148,8 +150,12 @@ def _at_one_time(time: float, settings: Settings) -> SolverRequest:
 def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = ()
 ) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return initial states (B, D) and the batch shape; `others` is the batch of event times."""
+    """Return initial states (B, D) and the batch shape; `others` is the batch of event times.
+
+    ValueError if states violate constraints of the system.
+    """
     x = starts_of(system, x0)
+    check_constraints(system, x)
     if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
         return x[np.newaxis], ()
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
@@ -157,8 +163,8 @@ def checked_starts(
 
 
 def check_constraints(field: Any, x: FloatArray) -> None:
-    """Raise ValueError if initial states violate constraints of mechanics."""
-    if field._equations is None or "residuals" not in field._equations.sizes or not x.size:
+    """Raise ValueError if initial states (..., D) violate constraints of mechanics."""
+    if constraints_of(field) is None or not (x.size and math.prod(field.shape)):
         return
     errors = abs(field.residuals(x))
     matrix = field._quantity("matrix", x)
@@ -172,8 +178,8 @@ def check_constraints(field: Any, x: FloatArray) -> None:
         how = "reactions have no value there: leave out constraints that follow from others"
         raise wrong("x0", "a state with independent constraints", f"a singular one{at}: {how}")
     sizes = field._quantity("sizes", x)
-    least = 1e-13 * sizes.max(axis=-1, keepdims=True)  # about rounding
-    bad = (errors > np.maximum(_OFF * sizes, least)).any(axis=-1)
+    least = ROUNDING * sizes.max(axis=-1, keepdims=True)
+    bad = (errors > np.maximum(OFF * sizes, least)).any(axis=-1)
     if bad.any():
         errors = errors.max(axis=-1)
         where = first_index(bad)
@@ -253,6 +259,14 @@ def warn_of_ends(
         texts.append(f"{count} {text}, first: trajectory {index} at t = {t[first]:.9g}")
     if texts:
         checks.warn("; ".join(texts), IntegrationWarning)
+
+
+def causes_of(system: Any) -> Mapping[Status, str]:
+    """Return `CAUSES` for motions of a system."""
+    if constraints_of(system) is None:
+        return CAUSES
+    more = ", as one with coordinates off the constraints"
+    return CAUSES | {Status.ENDED: CAUSES[Status.ENDED] + more}
 
 
 def warn_of_lost_components(result: SolverResult, batch: tuple[int, ...]) -> None:

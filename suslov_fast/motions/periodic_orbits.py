@@ -14,6 +14,7 @@ from ..checks import FloatArray, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
+from ..fields.constraints import constraints_of
 from ..fields.field import Field, starts_of, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
@@ -21,7 +22,8 @@ from ..keywords import lacking, public
 from ..pairs import joined
 from .event import Event
 from .events import checked_events
-from .motion_arguments import checked_settings
+from .kept_integrals import has_integrals, warn_of_changes
+from .motion_arguments import check_constraints, checked_settings
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
@@ -55,7 +57,8 @@ class PeriodicOrbit(NamedTuple):
     """Floquet multipliers: eigenvalues of the derivative of the motion over a period.
 
     They are sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. The shape is (D,),
-    or less if variables have constant rates, as for :func:`lyapunov_exponents`."""
+    or less if variables have constant rates, or with constraints, as for
+    :func:`lyapunov_exponents`."""
     residual: float
     """The largest distance from the end of the orbit, or of an arc, to the start of the next arc.
 
@@ -173,6 +176,9 @@ def periodic_orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
+        looks = search.T * _LOOKS
+        states = motion.states(orbit.state, looks)[:, np.newaxis] if has_integrals(field) else None
+        warn_of_changes(field, orbit.state[np.newaxis], (), states, looks)
         orbit = orbit._replace(state=joined(body, orbit.state))
         if not (orbit.stable or motion.is_forced):  # attractors, forced orbits may be far from x0
             _warn_of_distance(search, x)
@@ -187,6 +193,7 @@ def _checked_start(system: Any, x0: Any) -> FloatArray:
         raise wrong("periodic_orbit", expected, received)
     if not np.isfinite(x).all():
         raise wrong("x0", "finite", short(x0))
+    check_constraints(system, x)
     return np.array(x)
 
 
@@ -311,6 +318,7 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
     if not np.isfinite(product).all():
         found = f"an orbit of period {search.T:g} whose multipliers exceed the range of float64"
         raise NoConvergence(f"periodic_orbit found {found}: call flow for its states")
+    product = search.within_constraints(product)
     trivial = (known or 0) + (not search.flow.is_forced)
     if known is not None and search.freedom > trivial:
         why = "the equations conserve something, so near orbits are periodic, too"
@@ -329,6 +337,8 @@ def _integrals(system: Any) -> int | None:
     """Return the number of known integrals of a field; None for a body, which has further ones."""
     if not isinstance(system, Field):
         return None
+    if constraints_of(system):
+        return 0
     [(_, f, table)] = system._listed_right_hand_sides
     moving = [i for i in range(f.D) if i not in f.steady]
     [C] = coefficients(f, table)[:, moving]

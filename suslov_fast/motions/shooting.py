@@ -7,7 +7,8 @@ Phi(x_k) - x_k+1 = 0,    where x_M = x_0,
 
 for all components without a constant rate. They are fewer than the unknowns; if the system has
 integrals, solutions form families. Of all steps that solve the linear equations, Newton's method
-takes the shortest.
+takes the shortest. Nodes stay on constraints of mechanics: steps are tangent, then nodes are
+projected.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ import numpy as np
 from ..checks import FloatArray
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.hybrid.event_formulas import components_of
+from ..fields.constraints import constraints_of, near_constraints
 from ..fields.right_hand_sides import with_events
 from .event import Event
 from .events import actions_of, event_times_of
 from .integration import SolverResult, to_tolerance
 from .sensitivities import with_derivatives
+from .tangent_spaces import block_diagonal, tangent_basis, within
 
 _ROUNDS = 60  # the most steps of Newton's method
 _HALVINGS = 10  # the most halvings of a step
@@ -41,6 +44,7 @@ _GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are t
 _NOISE, _MOST_RESIDUAL = 10.0, 1e-9
 _LEAST_SIZE = 2.0**-20  # least unit of components and residuals, as a part of the largest range
 _ROUNDING = 2.0**-49  # relative rounding error of T, which matters where states change fast
+_MOVED = 2.0**-4  # the longest way, in ranges of components, of steps from arcs that close
 _STRONG = 1e3  # weight of the equation that keeps the phase, see `keeps_phase`
 _LOOKS = 512  # number of states from which ranges of components and returns are found
 # f has the period T if motions that start T apart differ by at most this, relatively.
@@ -181,23 +185,54 @@ class Shooting:
             matrix[k, :, following : following + n] -= np.diag(self.units)
             if not self.flow.is_forced:
                 matrix[k, :, -1] = self.rates[k]
-        return (matrix / self.units[:, np.newaxis]).reshape(M * n, -1)
+        matrix = (matrix / self.units[:, np.newaxis]).reshape(M * n, -1)
+        if (bases := self._bases()) is None:
+            return matrix
+        of_ends, of_nodes = block_diagonal(np.roll(bases, -1, axis=0)), block_diagonal(bases)
+        matrix = of_ends.T @ matrix
+        return np.concatenate([matrix[:, :-1] @ of_nodes, matrix[:, -1:]], axis=1)
+
+    def _slopes_of_constraints(self) -> Any:
+        """Return derivatives (M, r, n) of residuals of constraints at nodes; None without any."""
+        if not (constraints := constraints_of(self.flow.field)):
+            return None
+        return constraints.of(self.nodes, self.flow.field._inputs, self.moving.tolist())[1]
+
+    def _bases(self) -> Any:
+        """Return bases (M, n, d) of changes of nodes, in units, that keep constraints, or None."""
+        slopes = self._slopes_of_constraints()
+        return None if slopes is None else tangent_basis(slopes * self.units)
+
+    def within_constraints(self, slopes: FloatArray) -> FloatArray:
+        """Return a derivative (n, n) of the motion at the first node, in its tangent space."""
+        rows = self._slopes_of_constraints()
+        return slopes if rows is None else within(tangent_basis(rows[0]), slopes)
 
     @property
     def freedom(self) -> int:
-        """The number of independent changes of nodes, and of a free T, that keep gaps closed."""
+        """The number of independent changes of nodes, and of a free T, that keep gaps closed.
+
+        As the matrix is a difference of matrices of size 1, its entries below _LEAST are rounding.
+        """
         matrix = self._matrix()[:, : -1 if self.flow.is_forced else None]
         values = np.linalg.svd(matrix, compute_uv=False)
-        rank = int((values > _LEAST * values[0]).sum())
+        rank = int((values > _LEAST * max(values[0], 1.0)).sum())
         return matrix.shape[1] - rank
 
     def _step(self) -> tuple[FloatArray, float]:
         """Return a damped Newton step: changes of nodes and of log T; NaN without derivatives."""
-        matrix, right = self._matrix(), (-self.gaps / self.units).ravel()
+        matrix, right = self._matrix(), -self.gaps / self.units
+        bases, count = self._bases(), self.gaps.shape[1]
+        if bases is not None:
+            ends, count = np.roll(bases, -1, axis=0), bases.shape[2]
+            right = (np.swapaxes(ends, 1, 2) @ right[..., np.newaxis])[..., 0]
+        right = right.ravel()
         if self.flow.keeps_phase and not self.flow.is_forced:
             row = np.zeros((1, matrix.shape[1]))
             rate = self.flow.field(self.nodes[0])[self.moving] / self.units
-            row[0, abs(rate).argmax()] = _STRONG
+            fastest = abs(rate).argmax()
+            kept = np.eye(len(rate))[fastest] if bases is None else bases[0, fastest]
+            row[0, :count] = _STRONG * kept
             matrix, right = np.concatenate([matrix, row]), np.append(right, 0.0)
         change = np.full(self.nodes.shape, np.nan)
         if not np.isfinite(matrix).all():
@@ -207,7 +242,10 @@ class Shooting:
         damping = (_LEAST * values[0]) ** 2 + right @ right
         step = (values / (values**2 + damping) * (right @ left)) @ rows
         change[:] = 0.0
-        change[:, self.moving] = step[:-1].reshape(self.gaps.shape) * self.units
+        of_nodes = step[:-1].reshape(len(self.nodes), count)
+        if bases is not None:
+            of_nodes = (bases @ of_nodes[..., np.newaxis])[..., 0]
+        change[:, self.moving] = of_nodes * self.units
         return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
 
     def _improved(self) -> Shooting:
@@ -215,6 +253,7 @@ class Shooting:
         change, of_T = self._step()
         for k in range(_HALVINGS):
             nodes, T = self.nodes + change / 2**k, self.T * float(np.exp(of_T / 2**k))
+            nodes = near_constraints(self.flow.field, nodes)
             if np.isfinite(nodes).all() and np.isfinite(T):
                 other = Shooting(self.flow, nodes, T, self.sizes)
                 if other.distance < self.distance:
@@ -240,14 +279,23 @@ class Shooting:
         return best
 
     def solved(self) -> Shooting:
-        """Return arcs after Newton's steps, as long as they make the gaps smaller."""
+        """Return arcs after Newton's steps, as long as they make the gaps smaller.
+
+        If all motions near an orbit are periodic, the equations of steps are rounding: then steps
+        that lead far away from arcs that close are none.
+        """
         best = self
         for _ in range(_ROUNDS):
             before, best = best, best._improved()
             is_slow = before.closes and best.distance > before.distance / 2
             if best is before or is_slow:
                 break
-        return best
+        return self if self.closes and best._is_far_from(self) else best
+
+    def _is_far_from(self, other: Shooting) -> bool:
+        """Return True if nodes or T differ from those of other arcs by more than _MOVED."""
+        ways = abs(self.nodes - other.nodes)[:, self.moving] / self.units
+        return bool(max(ways.max(initial=0.0), abs(np.log(self.T / other.T))) > _MOVED)
 
 
 def nearest_orbit(flow: FieldFlow, x: FloatArray, T: float) -> Shooting:
@@ -282,6 +330,10 @@ def _sizes(flow: FieldFlow, start: FloatArray, T: float) -> FloatArray:
     sizes = np.ptp(np.vstack([start, states[np.isfinite(states).all(axis=1)]]), axis=0)
     if not sizes[moving].any():
         sizes = abs(start)
+    # In units that differ from coordinate to coordinate the manifold of constraints would be bent.
+    if constraints := constraints_of(flow.field):
+        for part in constraints.parts:
+            sizes[part] = sizes[part].max(initial=0.0)
     largest = sizes[moving].max(initial=0.0) or 1.0
     return np.maximum(np.where(moving, sizes, 0.0), _LEAST_SIZE * largest)
 

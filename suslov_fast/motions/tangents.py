@@ -12,6 +12,9 @@ and a segment ends before the columns of the frame lose their right angles.
 An event may remove a direction, as an event does that sets a component to a number. Then a column
 has no digits left even after the shortest segment with this event. The column is called dead, and
 its exponent is -inf.
+
+Constraints of mechanics hold on a manifold. There the columns of Q span its tangent space, so they
+are as many as it has dimensions: off the manifold equations of motion have no meaning.
 """
 
 from __future__ import annotations
@@ -31,10 +34,12 @@ from ..core.flow.batch_solver import BatchSolver, EventTimes, SolverRequest
 from ..core.flow.growing_components import RELATIVE
 from ..core.flow.memory import LaneState
 from ..core.hybrid.event_formulas import EventAction, components_of
+from ..fields.constraints import constraints_of
 from ..fields.right_hand_sides import with_events
 from ..maps.orthonormal import dual_product, orthonormal
 from ..status import Status
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
+from .tangent_spaces import TangentSpaces, within
 
 _MOST = 40  # m of the shortest segment, which has 2**-m of the time
 _UNITS = 2**_MOST  # number of shortest segments in the whole time
@@ -68,7 +73,8 @@ def exponents_of(
 ) -> tuple[FloatArray, SolverResult]:
     """Return Lyapunov exponents (B, n), the largest first, and a `SolverResult` with the ends.
 
-    Left out are components that have a constant rate in all members, and that no event sets.
+    Left out are components that have a constant rate in all members, and that no event sets, and
+    directions off constraints.
     """
     (time,), report, event_times = request.times.tolist(), request.report, request.event_times
     result = empty_result(starts, 0)
@@ -77,15 +83,19 @@ def exponents_of(
     drifting = [{*f.steady} - changed for _, f, _ in groups]
     left_out = [*set.intersection(*drifting)] if groups else []
     moving = np.setdiff1d(np.arange(field.dimension), left_out)
-    exponents = np.full((len(starts), len(moving)), np.nan)
-    if not len(moving):
+    constraints = constraints_of(field)
+    spaces = TangentSpaces(field, constraints, batch, moving) if constraints else None
+    count = spaces.size if spaces else len(moving)
+    exponents = np.full((len(starts), count), np.nan)
+    if not count:
         return exponents, result.without_steps(np.isnan(starts[:, 0]))
     transient *= _LESS if actions else 1.0
     total, before, goes_on = transient + time, 0.0, True
     for where, f, table in groups:
         x = starts[where]
         times = event_times if event_times is None or where is ALL else event_times.of(where)
-        run = _Run(f, table, x, moving, request._replace(event_times=times))
+        of_group = spaces and spaces.of(where)
+        run = _Run(f, table, x, moving, request._replace(event_times=times), of_group)
         share = len(x) / max(len(starts), 1) / total
 
         def told(done: float, share: float = share, before: float = before) -> bool:
@@ -122,6 +132,13 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     return orthonormal(columns[..., ::-1].round(6) + _OF_ALL * generic)[0]
 
 
+def _slowest_first_in(basis: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return `_slowest_first` columns (B, n, d) in spaces with orthonormal bases (B, n, d)."""
+    known = np.isfinite(basis).all(axis=(1, 2), keepdims=True)
+    basis = np.where(known, basis, np.eye(*basis.shape[1:]))
+    return dual_product(np.swapaxes(basis, 1, 2), _slowest_first(within(basis, slopes)))
+
+
 def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Q and the moduli of the diagonal of R, where Q R = V (K, n, n); Q = 1 if V is NaN."""
     V[~np.isfinite(V).all(axis=(1, 2))] = np.eye(V.shape[-1])
@@ -129,7 +146,10 @@ def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 class _Run:
-    """Trajectories with tangent vectors and sums of the logarithms of their growth."""
+    """Trajectories with tangent vectors and sums of the logarithms of their growth.
+
+    spaces   the `TangentSpaces` of the n tangent vectors, or None if these span all directions
+    """
 
     def __init__(
         self,
@@ -138,20 +158,23 @@ class _Run:
         x: FloatArray,
         moving: NDArray[np.int64],
         request: SolverRequest,
+        spaces: TangentSpaces | None = None,
     ) -> None:
         self.f, self.table, self.x, self.moving = f, table, x.copy(), moving
+        self.spaces = spaces
         self.settings, self.threads = request.settings, request.threads
         self.event_times = request.event_times
-        self.n = len(self.moving)
+        self.n = spaces.size if spaces else len(self.moving)
         self.tangent = variational(f, self.n, True)
-        is_plain = not (f.is_dense or f.products or f.hybrid.branches or f.hybrid.events)
+        is_plain = not (f.is_dense or f.products or f.hybrid.branches or f.hybrid.events or spaces)
         self.has_frames = np.full(len(x), is_plain and self.n <= _LARGEST_FRAME)
         self.count = np.zeros(len(x), np.int64)  # number of segments so far
         self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
-        slopes = np.broadcast_to(slopes[..., self.moving], (len(x), self.n, self.n))
+        square = len(x), len(self.moving), len(self.moving)
+        slopes = np.broadcast_to(slopes[..., self.moving], square)
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)
-        self.Q = _slowest_first(slopes)
+        self.Q = _slowest_first_in(spaces.basis(x), slopes) if spaces else _slowest_first(slopes)
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
@@ -183,7 +206,8 @@ class _Run:
         times = self.event_times and self.event_times.of(which)
         settings = batch_solver.closer(self.settings)
         request = SolverRequest(np.array([time]), 1, settings, self.threads, event_times=times)
-        run = _Run(self.f, self._table(which), x[which], self.moving, request)
+        spaces = self.spaces and self.spaces.of(which)
+        run = _Run(self.f, self._table(which), x[which], self.moving, request, spaces)
         run.is_first, run.acts = False, self.is_first
         # After a second alarm the allowed errors of all components are relative to their values.
         run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
@@ -246,14 +270,16 @@ class _Run:
         (end,), ended = engine.states, engine.state != LaneState.DONE
         columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
         V = columns.transpose(0, 2, 1) / sizes[:, None, None]
-        Q, diagonal = _decomposed(V)
+        Q, diagonal = self._decomposed(end[:, :D], V, which)
         is_changed, passed = self._changes_of(engine, K)
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
         # The growth of the last column follows from the trace of f', so its entry does not matter,
-        # unless an event acts, a column is dead, or f has products, which have no trace here.
+        # unless an event acts, a column is dead, f has products, which have no trace here, or
+        # columns do not span all directions.
         matters = lives.copy()
-        matters[:, -1] &= is_changed | ~lives.all(axis=1) | bool(self.f.products)
+        has_no_trace = bool(self.f.products or self.spaces)
+        matters[:, -1] &= is_changed | ~lives.all(axis=1) | has_no_trace
         least = diagonal.min(axis=1, where=matters, initial=np.inf)
         part = least / np.maximum(largest, 1.0)
         # With events, infinite columns may end a long segment. Then a shorter segment follows.
@@ -272,7 +298,7 @@ class _Run:
             least = np.maximum(_DEAD * largest, _NO_DIGITS)[:, np.newaxis]
             dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
             for k in np.flatnonzero(dies.any(axis=1)):
-                self._bury(which[k], dies[k], V[k])
+                self._bury(which[k], dies[k], end[k, :D], V[k])
         return is_good, is_good & (part * part > _LEAST)
 
     def _segment_of_frame(
@@ -354,12 +380,18 @@ class _Run:
         at_times = trajectory[number >= self.f.hybrid.events.surfaces]
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
-    def _bury(self, k: int, are_lost: NDArray[np.bool_], V: FloatArray) -> None:
+    def _decomposed(
+        self, x: FloatArray, V: FloatArray, which: Any
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return Q and the moduli of the diagonal of R, where Q R = V (K, n, ...) at states x."""
+        return self.spaces.decomposed(x, V, which) if self.spaces else _decomposed(V)
+
+    def _bury(self, k: int, are_lost: NDArray[np.bool_], x: FloatArray, V: FloatArray) -> None:
         """Move columns of V that have lost their digits to the end; their exponents are -inf."""
         self.dead[k] |= are_lost
         order = np.argsort(self.dead[k], kind="stable")
         self.dead[k], self.logs[k] = self.dead[k, order], self.logs[k, order]
-        self.Q[k] = orthonormal(V[np.newaxis, :, order])[0][0]
+        self.Q[k] = self._decomposed(x[np.newaxis], V[np.newaxis, :, order], [k])[0][0]
 
     def exponents(self) -> FloatArray:
         """Return the exponents (B, n), the largest first; NaN for motions that ended."""

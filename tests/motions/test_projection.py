@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from suslov_fast import Event, Field, crossings, flow
+from suslov_fast import Event, Field, crossings, flow, lyapunov_exponents, periodic_orbit
 
 
 def pendulum():
@@ -159,3 +159,47 @@ def test_files_keep_integrals():
         one, other = (flow(f, x0, time=20.0).states for f in (field, again))
         assert_array_equal(one, other)
     assert pendulum().conserving() != pendulum()
+
+
+def test_later_calls_add_integrals():
+    both = kepler().conserving(angular_momentum).conserving()
+    assert both != kepler().conserving()
+    assert both.conserving() == both == both.conserving(angular_momentum)
+    states = flow(both, [0.4, 0, 0, 2.0], time=[1e2, 1e3]).states
+    assert_allclose(angular_momentum(states.T), 0.8, rtol=1e-14)
+    assert_allclose(both.energy(states), -0.5, rtol=1e-14)
+
+
+def test_subsystems_keep_their_integrals():
+    square = lambda x: x[0] ** 2 + x[1] ** 2  # noqa: E731
+    field = Field(lambda x: (x[1], -x[0], 0 * x[2]), "q p r")
+    part = field.conserving(square, lambda x: x[2] * square(x)).subsystem("q p")
+    assert part == Field(lambda x: (x[1], -x[0]), "q p").conserving(square)
+    assert_allclose(square(flow(part, [1.0, 0.0], time=1e4, rtol=1e-6).final), 1, rtol=1e-14)
+
+
+def test_integrals_that_change_later():
+    """Parameters, a pulse and one member change an integral that was tested before."""
+    energy = lambda x, k: (k * x[0] ** 2 + x[1] ** 2) / 2  # noqa: E731
+    field = Field(lambda x, k, c: (x[1], -k * x[0] - c * x[1]), "q p", k=1.0, c=0.0)
+    kept = field.conserving(energy)
+    flow(kept.with_parameters(k=[1.0, 2.0, 3.0]), [1.0, 0.0], time=[0.0, 1.0])  # no warning
+    with pytest.warns(UserWarning, match="function 0 changes along f in 1 of 1"):
+        flow(kept.with_parameters(c=1e-8), [1.0, 0.0], time=1e5)
+    with pytest.warns(
+        UserWarning, match=r"in 2 of 6 solutions \(first: trajectory \(0, 2\) at t = 1"
+    ):
+        flow(kept.with_parameters(k=[[1.0], [2.0]], c=[0, 0, 1e-3]), [1.0, 0.0], time=1.0)
+    pulse = Field(
+        lambda x: (x[1], -x[0] + np.where(x[2] > 8, 0.02 * x[1], 0), 1.0), "q p t"
+    ).conserving(lambda x: x[0] ** 2 + x[1] ** 2)
+    flow(pulse, [1.0, 0.0, 0.0], time=7.0)  # no warning
+    with pytest.warns(UserWarning, match=r"at t = 9\)"):
+        flow(pulse, [1.0, 0.0, 0.0], time=[7.0, 9.0, 11.0])
+    damped = field.conserving(energy).with_parameters(c=0.1)
+    with pytest.warns(UserWarning, match="function 0 changes"):
+        lyapunov_exponents(damped, [1.0, 0.5], time=1.0)
+    cycle = Field(lambda x, m: (x[1], m * (1 - x[0] ** 2) * x[1] - x[0]), "q p", m=0.0)
+    cycle = cycle.conserving(lambda x: x[0] ** 2 + x[1] ** 2).with_parameters(m=1.0)
+    with pytest.warns(UserWarning, match="function 0 changes"):
+        periodic_orbit(cycle, [2.0, 0.0])

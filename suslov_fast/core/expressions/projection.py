@@ -9,10 +9,16 @@ diagonal entry or less. A projection that moves a component by more than MOST al
 changes a sign that f keeps, is left out, as near states where J loses rank.
 """
 
+import functools
+
 from .programs import Expressions, dot, emitted, program_of
 from .symbolic_elimination import elimination_order
+from .values import larger
 
 LEAST, MOST = 2.0**-40, 64.0
+# States are on the constraints if residuals are at most OFF times the sums of moduli of their
+# terms, or ROUNDING times the largest of these sums.
+OFF, ROUNDING = 1e-7, 1e-13
 
 
 def projection_of(f):
@@ -47,6 +53,23 @@ def projection_of(f):
             results[j] = new
     chosen = [a if a is j else is_right.select(a, values.number(j)) for j, a in enumerate(results)]
     return program_of(values.operations, [getattr(a, "number", a) for a in chosen])
+
+
+def on_constraints_of(f):
+    """Return the `Program` that reads x and f's table: 1 if x is on the constraints, else 0."""
+    D, k = f.D, f.constraints_count
+    values = Expressions(D + len(f.table))
+    known = {i: i for i in range(D)} | {a: D + place for a, place in f.places.items()}
+    found, number = emitted(values, f.invariants, known), values.number
+    sizes, slopes = [number(0.0)] * k, found[f.invariants_count :]
+    for (a, j), slope in zip(f.invariants_places, slopes, strict=True):
+        if a < k:
+            sizes[a] = sizes[a] + abs(number(slope) * number(j))
+    largest = functools.reduce(larger, sizes)
+    is_on = number(0.0).equals(0.0)
+    for residual, size in zip(found[:k], sizes, strict=True):
+        is_on = is_on & (abs(number(residual)) <= larger(OFF * size, ROUNDING * largest))
+    return program_of(values.operations, [is_on.select(1.0, 0.0).number])
 
 
 def _solved(values, G, r):

@@ -11,7 +11,7 @@ from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import results_at
 from .programs import Expressions, Program, folded, needed_for
-from .projection import projection_of
+from .projection import on_constraints_of, projection_of
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
 
@@ -61,7 +61,8 @@ class RightHandSide:
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
                  j = D, ... are the parameters `by`
     projection   `Program` of the projection of a state onto invariants (constraints, then first
-                 integrals), or None; `levels` is the `Program` of their values, 0 for constraints
+                 integrals), or None; `levels` is the `Program` of their values, 0 for constraints;
+                 `on_constraints` is the `Program` that tests a start
     longest      operand of the longest step, a function of parameters, see `pulses`
     of, columns  f and 0; in a `Variational`, the right-hand side of x and the number of columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
@@ -108,7 +109,7 @@ class RightHandSide:
         self.derivative = program_of([slopes[i][j] for i, j in self.linked])
         self.surfaces, self.of_parameters = program_of([*surfaces]), program_of(self.by)
         self.slopes = program_of([a for row in of_surfaces for a in row.values()])
-        self.invariants_count = len(kept_values)
+        self.invariants_count, self.constraints_count = len(kept_values), constraints
         self.invariants_places = [(k, j) for k, row in enumerate(of_invariants) for j in row]
         entries = [of_invariants[k][j] for k, j in self.invariants_places]
         self.invariants = program_of([*kept_values, *entries])
@@ -126,12 +127,16 @@ class RightHandSide:
 
     is_dense, columns, hybrid = False, 0, Hybrid()
     of = property(lambda self: self)
-    invariants_count = 0
+    invariants_count = constraints_count = 0
     entries = property(lambda self: len(self.pattern))
 
     @cached_property
     def projection(self):
         return projection_of(self) if self.invariants_count else None
+
+    @cached_property
+    def on_constraints(self):
+        return on_constraints_of(self)
 
     @cached_property
     def work(self):

@@ -1,7 +1,7 @@
 """Sizes of the values of a program: the rounding error of a value is a small part of its size."""
 
 from .dense_product import ENTRY, DenseMatrix, is_matrix
-from .values import larger, operand_of
+from .values import joined, larger, operand_of
 
 _SLOPES = {"sin": "cos", "cos": "sin"}
 
@@ -71,3 +71,21 @@ def with_phases(values, operations, state, sizes):
         elif name == "select":
             changes[number] = values.number(state[operands[0]]).select(*of[1:])
     return {a: size + changes[a] if a in changes else size for a, size in sizes.items()}
+
+
+def moved_by_projection(values, rows):
+    """Return {component: how far a projection moves it per unit of relative rounding}.
+
+    `rows` are gradients {component: operand} of invariants. The projection to one of them moves the
+    state along its gradient, by the rounding error of its terms.
+    """
+    moved, number = {}, values.number
+    for row in filter(None, rows):
+        terms = [abs(number(a) * number(j)) for j, a in row.items()]
+        squares = [number(a) * number(a) for a in row.values()]
+        size, square = (joined("fadd", each) for each in (terms, squares))
+        part = (square > 0.0).select(size / square, 0.0)
+        for j, a in row.items():
+            new = abs(number(a)) * part
+            moved[j] = moved[j] + new if j in moved else new
+    return moved

@@ -42,6 +42,7 @@ class Plan(NamedTuple):
     first_again: int  # address of the code that begins a motion again after digits were lost
     implicit_again: int  # address of the code of the implicit integrator for motions begun again
     of_table: int  # address of the code for the table of f, 0 if the table is the parameters
+    of_constraints: int  # address of the code that tests if x is on constraints, 0 without any
     is_bounded: int  # 1 if steps are at most 1/32 of the time
     by_starts: int  # number of columns of derivatives by x0, which come first: D or 0
     columns: int  # number of all columns of derivatives
@@ -63,8 +64,10 @@ class Plan(NamedTuple):
     work: int  # workspace of the first integrator
     other: int  # workspace of the implicit integrator
     records: int
+    start: int  # the state at the start and the table of f, then what `of_constraints` finds
     size: int
     size_of_record: int
+    size_of_table: int
     # Places in the rows:
     t: int
     lane_state: int
@@ -108,6 +111,10 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     codes = [batch_solver.code_of(each, 1, f.hybrid.branches is not None) for each in integrators]
     of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
+    of_start, of_test = (0, 0)
+    if f.of.constraints_count:
+        of_start, of_test = code_of_program(f.of, "on_constraints")
+        of_test += f.of.D + len(f.of.table) + 1
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
     rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(f, settings, 1))
     row = np.zeros(rows.size)
@@ -125,6 +132,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     parts_of_memory = {"arguments": _ARGUMENTS, "ended": 2, "state": f.D}
     parts_of_memory |= zip(("numbers", "times", "rows", "inputs"), map(len, parts), strict=True)
     parts_of_memory |= {"table": len(f.table), "work": most, "other": most, "records": at_once}
+    parts_of_memory["start"] = of_test
     firsts = np.cumsum([0, *parts_of_memory.values()]).tolist()
     first = dict(zip([*parts_of_memory, "size"], firsts, strict=True))
     del first["arguments"]
@@ -135,6 +143,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         first_again=of_again[0],
         implicit_again=of_again[-1],
         of_table=of_table,
+        of_constraints=of_start,
         is_bounded=integrators[0].is_bounded,
         by_starts=f.columns - len(by),
         columns=f.columns,
@@ -145,12 +154,13 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         event_times=ends[2] * bool(f.hybrid.events),
         template=ends[3],
         size_of_record=size,
+        size_of_table=len(f.of.table) if f.of.constraints_count else 0,
         t=rows.t,
         lane_state=rows.state,
         at=rows.at,
         lost=rows.lost,
     )
-    _kept.update((int(code), code) for code in (*codes, of_table))
+    _kept.update((int(code), code) for code in (*codes, of_table, of_start))
     own = np.array(parameters, np.float64)
     return MotionSystem(
         int(codes[0]), np.array([*plan, *pairs, *by]), constants, own, float(time), f.D
@@ -220,6 +230,21 @@ def _begin(system, x0, memory, tries):
 
 
 @function
+def _is_on_constraints(system, memory):
+    """Return False if the state from which a motion begins violates constraints of f."""
+    plan, D = system.plan, system.plan[PLAN.D]
+    if plan[PLAN.of_constraints] == 0:
+        return True
+    start, n = memory[plan[PLAN.start] :], plan[PLAN.size_of_table]
+    for i in range(D):
+        start[i] = memory[plan[PLAN.rows] + i]
+    for k in range(n):
+        start[D + k] = memory[plan[PLAN.table] + k]
+    call_code(plan[PLAN.of_constraints], (start.ctypes.data,))
+    return start[D + n] == 1.0
+
+
+@function
 def motion_of_one(system, x0, out, memory):
     """Write the state `time` after x0, or at a terminal event, to `out`; return its status."""
     plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
@@ -241,6 +266,9 @@ def motion_of_one(system, x0, out, memory):
     tries, end, before = 0, 0.0, np.int64(0)
     while True:
         _begin(system, x0, memory, tries)
+        if tries == 0 and not _is_on_constraints(system, memory):
+            memory[plan[PLAN.ended]], out[: system.dimension] = 0.0, np.nan
+            return NONFINITE
         components = plan[PLAN.components_again] if tries > 0 else 0
         arguments[SLOT.components] = constants.ctypes.data + 8 * components
         is_relative, state = 0 < tries < _WITHOUT, np.int64(-1)

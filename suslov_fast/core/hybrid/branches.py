@@ -157,7 +157,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), inva
     # stays in the argument, as -24 floor(t / 24) in t - 24 floor(t / 24).
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in elapsed.shifts.items() if q in rigid}
-    events = event_set_of(actions, D, P, by, twice) if actions else None
+    kept = program_of(values.operations, invariants)
+    events = event_set_of(actions, D, P, by, twice, kept) if actions else None
     of_events = [action.surface for action in actions if action.surface is not None]
     of_events = [emitted(values, surface)[0] for surface in of_events]
     events_on_surfaces = [Surface("event", k) for k in range(len(of_events))]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ..expressions.derivative import gradients
 from ..expressions.function_records import same
 from ..expressions.programs import Expressions, dot, emitted, needed_for, program_of
-from ..expressions.rounding import sizes_of, with_phases
+from ..expressions.rounding import moved_by_projection, sizes_of, with_phases
 from ..expressions.values import Number, operand_of
 
 
@@ -29,6 +29,8 @@ class Constraint(NamedTuple):
 class ExtendedState(Expressions):
     """`Expressions` of D components, then of `modes` further components, then of P parameters."""
 
+    rows = moved = {}  # noqa: RUF012  (never changed)
+
     def __init__(self, D, modes, P):
         first = D + modes
         super().__init__(first + P, range(first, first + P))
@@ -39,6 +41,28 @@ class ExtendedState(Expressions):
     def slopes(self, results):
         """Return the gradient {component: operand} of each operand in `results`."""
         return gradients(self, needed_for(self.operations, results), results, self.D)
+
+    def project(self, invariants, constraints):
+        """Set `rows`, and `moved_by_projection`, for operands of invariants; constraints are first.
+
+        rows   {number of a constraint: its gradient}
+        """
+        rows = self.slopes(invariants)
+        self.rows = dict(enumerate(rows[:constraints]))
+        self.moved = moved_by_projection(self, rows)
+
+    def tangent(self, v):
+        """Return v (D operands) without its parts along the gradients of constraints."""
+        if not self.rows:
+            return v
+        v, rows = dict(enumerate(v)), self.rows
+        products = {(a, b): self.dot(rows[a], _filled(rows[b], self.D)) for a in rows for b in rows}
+        matrix = {place: a for place, a in products.items() if not same(a.number, 0.0)}
+        parts = _solved(matrix, {a: self.dot(row, [*v.values()]) for a, row in rows.items()})
+        for a, row in rows.items():
+            for i, slope in row.items():
+                v[i] = (self.number(v[i]) - parts[a] * self.number(slope)).number
+        return [*v.values()]
 
     def difference(self, a, b):
         """Return the operand of a - b; the constant 0 if both operands are the same."""
@@ -87,6 +111,10 @@ class ExtendedState(Expressions):
                 if not same(d, 0.0):
                     y[i] = (number(y[i]) + holds.select(factors[a] * number(d), 0.0)).number
         return y, factors, matrix
+
+
+def _filled(row, D):
+    return [row.get(i, 0.0) for i in range(D)]
 
 
 def _solved(matrix, right):

@@ -4,7 +4,8 @@ An event is a contact if its action leaves states on its surface s = 0, but chan
 contact has a mode, a further component of the state: 1 for a free body, 0 for a body at rest above
 the surface, -1 for a body at rest below. At rest a reaction acts in the direction in which the
 action moves a state, and makes d2s/dt2 = 0. The body leaves the surface when the reaction would
-pull.
+pull. With constraints of mechanics the direction is that in which the action moves a change of the
+state that is tangent to them, or `EventAction.push`.
 """
 
 import numpy as np
@@ -46,6 +47,7 @@ class Contact:
     bend, square  d2s/dt2 of the free body, and the sum of the squares of the terms of d2s/dt2
     rounding      the sum of the squares of ds/dx_i x_i: relative errors of x_i change s by a part
                   of its root
+    moved         how far projections change s per unit of relative rounding
     """
 
     def __init__(self, values, action, mode, f):
@@ -53,16 +55,23 @@ class Contact:
         [s], self.to = (emitted(values, program, dict(values.inputs)) for program in action[:2])
         [gradient] = values.slopes([s])
         self.s, self.rate = values.number(s), values.dot(gradient, f)
-        [normal, *rows] = values.slopes([self.rate.number, *self.to])
-        n = [normal.get(i, 0.0) for i in range(values.D)]
-        moved = [values.dot(row, n).number for row in rows]
-        direction = [*map(values.difference, n, moved)]
+        if action.push:
+            [normal] = values.slopes([self.rate.number])
+            direction = emitted(values, action.push, dict(values.inputs))
+        else:
+            [normal, *rows] = values.slopes([self.rate.number, *self.to])
+            n = values.tangent([normal.get(i, 0.0) for i in range(values.D)])
+            moved = [values.dot(row, n).number for row in rows]
+            direction = [*map(values.difference, n, moved)]
         self.constraint = Constraint(values.number(mode) < 0.5, normal, direction)
         self.bend = values.dot(normal, f)
         terms = [values.number(a) * values.number(f[i]) for i, a in normal.items()]
         self.square = joined("fadd", [a * a for a in terms] or [values.number(0.0)])
         terms = [values.number(a) * values.number(i) for i, a in gradient.items()]
         self.rounding = joined("fadd", [a * a for a in terms] or [values.number(0.0)])
+        self.moved = values.number(0.0)
+        for j in sorted(gradient.keys() & values.moved.keys()):
+            self.moved = self.moved + abs(values.number(gradient[j])) * values.moved[j]
 
 
 class Contacts:
@@ -129,10 +138,12 @@ class Contacts:
         x = [*x]
         found, touched = [], number(0.0)
         for c in self.contacts.values():
-            wanted = c.s, c.rate, c.bend, c.square, c.rounding
-            (s, rate, bend, square, rounding), sizes = values.at(x, wanted)
+            wanted = c.s, c.rate, c.bend, c.square, c.rounding, c.moved
+            (s, rate, bend, square, rounding, moved), sizes = values.at(x, wanted)
             s, rate, force = abs(s), abs(rate), square.sqrt()
             [size] = values.at(x, (c.s,), phases=True)[1]
+            if not same(c.moved.number, 0.0):
+                size = size + moved
             low = LOW * (size + sizes[1] * time)  # smaller values of s are rounding
             of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time) + LEAST
             # By the rounding of a surface that a body touches it may push other bodies.

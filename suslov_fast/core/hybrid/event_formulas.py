@@ -19,7 +19,7 @@ from ..cached import cached_property
 from ..expressions.derivative import gradients
 from ..expressions.function_records import same
 from ..expressions.programs import Expressions, Program, dot, emitted, needed_for, program_of
-from ..expressions.rounding import sizes_of, with_phases
+from ..expressions.rounding import moved_by_projection, sizes_of, with_phases
 from ..expressions.tables import is_table
 from ..expressions.values import operand_of
 
@@ -69,6 +69,8 @@ class EventAction(NamedTuple):
     holds      the actions after which a state on the surface is taken to be above it, even if its
                rate leads below: 0: none, 1: those of this event, 2: those of any event
     rests      True if the action itself decides whether a body that bounces comes to rest
+    push       `KeyedProgram` of the direction (D) of the force on a body at rest on the surface, or
+               None if it is that in which `to` moves states
     """
 
     surface: Program | None
@@ -77,6 +79,7 @@ class EventAction(NamedTuple):
     most: float
     holds: int = 0
     rests: bool = False
+    push: Program | None = None
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, such as components."""
@@ -112,7 +115,8 @@ def with_parameters(actions, first):
         return KeyedProgram(tuple(operations), tuple(map(new, program.results)))
 
     pairs = ([program and of(program) for program in action[:2]] for action in actions)
-    actions = (a._replace(surface=s, to=to) for a, (s, to) in zip(actions, pairs, strict=True))
+    both = zip(actions, pairs, strict=True)
+    actions = (a._replace(surface=s, to=to, push=None) for a, (s, to) in both)
     return tuple(actions), tuple(constants)
 
 
@@ -183,8 +187,11 @@ def components_of(action):
     return tuple(i for i, a in enumerate(results) if not same(a, i))
 
 
-def event_set_of(actions, D, P, by=(), with_columns=False):
-    """Return the `EventSet` of `actions`; if `with_columns`, also the parts `tau` and `column`."""
+def event_set_of(actions, D, P, by=(), with_columns=False, invariants=None):
+    """Return the `EventSet` of `actions`; if `with_columns`, also the parts `tau` and `column`.
+
+    `invariants` is the `Program` of functions to whose values steps are projected.
+    """
     parts, components = {}, tuple(map(components_of, actions))
     for k, (action, of) in enumerate(zip(actions, components, strict=True)):
         if of:
@@ -194,7 +201,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
             parts |= _of_columns(k, action, D, P, by, q)
     on_surfaces = [action for action in actions if action.surface is not None]
     if on_surfaces:
-        parts["toward"] = _toward(on_surfaces, D, P)
+        parts["toward"] = _toward(on_surfaces, D, P, invariants)
     names = [{name for name, *_ in action.surface.operations} for action in on_surfaces]
     return EventSet(
         directions=tuple(action.direction for action in on_surfaces),
@@ -209,11 +216,12 @@ def event_set_of(actions, D, P, by=(), with_columns=False):
     )
 
 
-def _toward(actions, D, P):
+def _toward(actions, D, P, invariants):
     """Return the `EventProgram` `toward`, which finds s and ds/dt for all events on surfaces.
 
     Its results for each surface are s, ds/dt, and sums of moduli: of the terms of s, of the terms
-    of ds/dt, and of the slopes ds/dx_j.
+    of ds/dt, and of the slopes ds/dx_j. Terms of s contain those of which a projection to
+    `invariants` leaves the rounding errors in s.
     """
     first = 2 * D
     values = Expressions(first + P, range(first, first + P))
@@ -222,16 +230,21 @@ def _toward(actions, D, P):
     surfaces = [emitted(values, a.surface, new)[0] for a, new in zip(actions, copies, strict=True)]
     slopes = gradients(values, [*values.operations], surfaces, D)
     f, results = {j: D + j for j in range(D)}, []
+    kept = emitted(values, invariants, dict(inputs)) if invariants else []
+    moved = moved_by_projection(values, gradients(values, [*values.operations], kept, D))
     moduli = {j: operand_of(abs(values.number(a))) for j, a in f.items()}
     for action, new, s, row in zip(actions, copies, surfaces, slopes, strict=True):
         sizes = sizes_of(values, action.surface.operations, new)
         if action.holds < 2:
             sizes = with_phases(values, action.surface.operations, new, sizes)
         steep = {j: operand_of(abs(values.number(slope))) for j, slope in row.items()}
+        size = sizes[action.surface.results[0]]
+        for j in sorted(steep.keys() & moved.keys()):
+            size = size + values.number(steep[j]) * moved[j]
         results += [
             s,
             _product(values.emit, row, f),
-            operand_of(sizes[action.surface.results[0]]),
+            operand_of(size),
             _product(values.emit, steep, moduli),
             _product(values.emit, steep, dict.fromkeys(steep, 1.0)),
         ]

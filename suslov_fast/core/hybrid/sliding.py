@@ -47,7 +47,7 @@ class _Rates:
     constraints  {mode: `Constraint`}
     """
 
-    def __init__(self, f, comparisons, pairs, touching, D, P):
+    def __init__(self, f, comparisons, pairs, touching, D, P, kept):
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
@@ -64,6 +64,8 @@ class _Rates:
         self.slides = [mode * mode < 0.5 for mode in modes]
         self.touching = {}
         free = self.with_sides({})[0] if touching else None
+        if touching:
+            values.project(emitted(values, kept[1], dict(values.inputs)), kept[0])
         self.touching = {
             k: Contact(values, action, mode, free)
             for mode, (k, action) in enumerate(touching.items(), D + count)
@@ -141,6 +143,9 @@ class _Rates:
 class SlidingEquations(_Rates):
     """Equations with modes; `actions` are the `EventAction`s of events, events on surfaces first.
 
+    `invariants` is how many constraints of mechanics there are, and operands of their residuals,
+    then of first integrals, to which steps are projected.
+
     The first mode is infinite if no combination of modes is consistent, or if several are. `sign`
     is the sign of the time.
 
@@ -156,8 +161,9 @@ class SlidingEquations(_Rates):
     surfaces_of_events  the number of events on surfaces
     """
 
-    def __init__(self, values, results, D, P, actions=(), sign=1):
+    def __init__(self, values, results, D, P, actions=(), sign=1, invariants=(0, ())):
         f, self.size = program_of(values.operations, results), 0
+        kept = invariants[0], program_of(values.operations, invariants[1])
         self.sign = sign = float(sign)
         comparisons, pairs = _comparisons_in(values, f)
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
@@ -165,14 +171,14 @@ class SlidingEquations(_Rates):
             return
         # A surface has a mode if ds/dt jumps across it. A contact has a mode if its force changes
         # d2s/dt2, and if f neither jumps nor has a kink at its surface.
-        trial = _Rates(f, comparisons, pairs, touching, D, P)
+        trial = _Rates(f, comparisons, pairs, touching, D, P, kept)
         has_mode = [trial.changes(D + g, D + g) for g in range(len(pairs))]
         pairs = dict(compress(pairs.items(), has_mode))
         for k, contact in trial.touching.items():
             is_of_f = any(same(contact.s.number, s) for s in trial.surfaces)
             if is_of_f or not trial.changes(contact.mode, contact.mode):
                 del touching[k]
-        super().__init__(f, comparisons, pairs, touching, D, P)
+        super().__init__(f, comparisons, pairs, touching, D, P, kept)
         changes = sum(self.changes(a, b) for a, b in product(self.constraints, repeat=2))
         if not 0 < changes * len(self.constraints) <= MOST_PAIRS:
             self.size = 0
@@ -223,7 +229,7 @@ class SlidingEquations(_Rates):
                     surface = [slides.select(0.0, values.number(s)).number]
             to = x and self._with_modes([*x, *values.modes])
         surface, to = (of and KeyedProgram.of(values, of) for of in (surface, to))
-        return action._replace(surface=surface, to=to)
+        return action._replace(surface=surface, to=to, push=None)
 
     def _action_of_mode(self, g):
         """Return the `EventAction` that acts where the mode of surface g ends."""

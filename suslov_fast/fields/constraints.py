@@ -1,0 +1,73 @@
+"""Constraints of mechanics as functions of the state, with derivatives."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray
+from ..core.expressions.derivative import gradients
+from ..core.expressions.numpy_evaluation import results_at
+from ..core.expressions.programs import Program, in_order
+from .equations import Equations
+
+
+class Constraints:
+    """The constraints of equations: r residuals that are 0 on their manifold, and the derivatives.
+
+    count    the number r; the manifold has D - r dimensions, those of clocks included
+    parts    where coordinates, and where velocities are in the state
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self.D, sizes = len(equations.names), equations.sizes
+        first = sizes["corrections"] - sizes["momenta"]
+        self.parts = slice(0, first), slice(first, sizes["corrections"])
+        values, residuals = in_order(equations.values, equations.quantities["residuals"])
+        rows = gradients(values, [*values.operations], residuals, self.D)
+        self.count = len(residuals)
+        self.places = [(k, j) for k, row in enumerate(rows) for j in row]
+        entries = [rows[k][j] for k, j in self.places]
+        self.program = Program(values.operations, [*residuals, *entries])
+
+    def rows(self, moving: Any) -> list[int]:
+        """Return the numbers of residuals that depend on the components `moving` (n numbers)."""
+        return sorted({k for k, j in self.places if j in {*moving}})
+
+    def of(self, x: FloatArray, parameters: FloatArray, moving: Any) -> tuple[Any, Any]:
+        """Return residuals (..., r) and derivatives (..., r, n) of `rows` by n components."""
+        residuals, slopes = self.at(x, parameters)
+        rows = self.rows(moving)
+        return residuals[..., rows], slopes[..., rows, :][..., moving]
+
+    def at(self, x: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return residuals (..., r) and their derivatives (..., r, D) at states x (..., D)."""
+        shape = np.broadcast_shapes(x.shape[:-1], parameters.shape[1:])
+        given = dict(enumerate([*np.moveaxis(x, -1, 0), *parameters]))
+        rows = np.moveaxis(results_at(self.program, given, shape), 0, -1)
+        slopes = np.zeros((*shape, self.count, self.D))
+        for n, (k, j) in enumerate(self.places, self.count):
+            slopes[..., k, j] = rows[..., n]
+        return rows[..., : self.count], slopes
+
+
+_constraints_of = lru_cache(64)(Constraints)
+
+
+def constraints_of(field: Any) -> Constraints | None:
+    """Return the `Constraints` of a field; None for a field without constraints."""
+    equations = getattr(field, "_equations", None)
+    if equations is None or "residuals" not in equations.sizes:
+        return None
+    return _constraints_of(equations)
+
+
+def near_constraints(field: Any, x: FloatArray) -> FloatArray:
+    """Return states on the constraints near x (..., D); x itself where none is found."""
+    if constraints_of(field) is None:
+        return x
+    moved = field.projected(x)
+    residuals = np.isfinite(moved).all(axis=-1, keepdims=True)
+    return np.where(residuals, moved, x)

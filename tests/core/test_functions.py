@@ -189,5 +189,6 @@ def test_powers_that_are_exact():
     assert (FUNCTIONS["pow"](2.0, n) == np.ldexp(1.0, n.astype(int))).all()
     assert (FUNCTIONS["log2"](np.ldexp(1.0, n.astype(int))) == n).all()
     small = np.arange(-2000.0, 2001.0)
-    assert (FUNCTIONS["cbrt"](small**3) == small).all()
-    assert (FUNCTIONS["pow"](small, 3.0) == small**3).all()
+    cubes = small * small * small  # NumPy 1.26 rounds powers with AVX-512
+    assert (FUNCTIONS["cbrt"](cubes) == small).all()
+    assert (FUNCTIONS["pow"](small, 3.0) == cubes).all()

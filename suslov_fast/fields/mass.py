@@ -62,12 +62,24 @@ def _as_symbol(tracer: Tracer, operand: Any) -> Any:
 
 
 def _inverse(matrix: Any) -> list[list[float]]:
-    """Return the inverse of a matrix of numbers; raise an error if it is singular."""
+    """Return the inverse of a matrix of numbers; raise an error if it is singular.
+
+    The method is Gauss and Jordan's, row by row: last digits of LAPACK depend on the processor, and
+    these numbers are part of f.
+    """
     rows = abs(matrix).max(axis=1, keepdims=True)
     scaled = matrix / np.where(rows > 0, rows, 1.0)
     if np.linalg.cond(scaled) * _LEAST > 1:
         raise _singular()
-    return np.linalg.inv(matrix).tolist()
+    D = len(matrix)
+    both = np.hstack([matrix, np.eye(D)])
+    for k in range(D):
+        pivot = k + abs(both[k:, k]).argmax()
+        both[[k, pivot]] = both[[pivot, k]]
+        both[k] /= both[k, k]
+        others = np.arange(D) != k
+        both[others] -= both[others, k, None] * both[k]
+    return both[:, D:].tolist()
 
 
 def _singular() -> Any:

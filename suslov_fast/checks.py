@@ -8,7 +8,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .core.numba.interrupts import uninterrupted
-from .pairs import has_pairs, split_states
 
 FloatArray = NDArray[np.float64]
 
@@ -134,9 +133,7 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)
     if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
         return value  # for speed in small calls
-    if has_pairs(labels):
-        value = split_states(name, value, tuple(labels))
-    array = float_array(name, _unlabelled(name, value, labels))
+    array = float_array(name, unlabelled(name, value, labels, float_array))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]
     if array.shape[-1:] != (len(labels),):
@@ -148,18 +145,23 @@ def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 
 
-def _unlabelled(name: str, value: Any, labels: Sequence[str]) -> Any:
-    """Return states as arrays or lists, without the names of a table of pandas or of a mapping."""
+def unlabelled(
+    name: str, value: Any, labels: Sequence[str], read: Callable[[str, Any], Any]
+) -> Any:
+    """Return states as arrays or lists, without the names of a table of pandas or of a mapping.
+
+    `read` makes an array of the values of a component.
+    """
     if type(value) is np.ndarray:  # for speed in small calls
         return value
     if hasattr(value, "iloc") and {*labels} <= {*value.keys()}:
         return value[[*labels]].to_numpy()
     if isinstance(value, (list, tuple)) and hasattr((*value[:1], 0)[0], "iloc"):
-        return [_unlabelled(name, each, labels) for each in value]
+        return [unlabelled(name, each, labels, read) for each in value]
     if isinstance(value, Mapping) and not hasattr(value, "dims"):
         if {*value} != {*labels}:
             raise wrong(name, f"a value for each of {', '.join(labels)}", short({**value}))
-        parts = np.broadcast_arrays(*(float_array(name, value[label]) for label in labels))
+        parts = np.broadcast_arrays(*(read(name, value[label]) for label in labels))
         return np.stack(parts, axis=-1)
     if name in ("x0", "omega0") and getattr(value, "_called", "") == "a run":
         last = f"{kind_of(value)}: pass run.states[-1]"

@@ -81,7 +81,8 @@ def system(
     method : str
         As in :func:`suslov_fast.iterate`. A step of order 4, 6 or 8 counts as one step.
     time : float
-        Time of the motion, positive or negative, in place of `eps`.
+        Time of the motion, positive or negative, in place of `eps`. If f takes the time, the last
+        entry of states is t, because each step begins at another one; a complex variable has two.
     rtol, atol, max_step, stiff, events
         As in :func:`suslov_fast.flow`, only with `time`. With ``stiff=False`` half as much code is
         compiled.
@@ -141,7 +142,7 @@ def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: An
     by = tuple(name for name in names if name != "x0")
     f, given = of_one(field, by if names else None, actions_of(field, acting))
     if names:
-        f = variational(f, field.dimension * ("x0" in names) + len(by))
+        f = variational(f, field._layout.D * ("x0" in names) + len(by))
         if isinstance(settings.atol, tuple):
             settings = settings._replace(atol=settings.atol * (1 + f.columns))
     event_times = event_times_of(acting, sign, ()) if acting else None

@@ -22,7 +22,6 @@ from . import checks
 from .calls import Progress, reporter
 from .checks import Reals, common_shape, extra, warn, wrong
 from .fields.base import Body
-from .fields.field import starts_of
 from .keywords import public, refuse_unknown
 from .motions.events import checked_events
 from .motions.flow import flow
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     import xarray
 
 _AXIS = "trajectory"  # the last axis of the batch, which is divided into chunks
-_INNER = {"system": 0, "x0": 1, "eps": 0, "attitude": 2}  # numbers of axes after the batch
+_INNER = {"system": 0, "x0": 1, "eps": 0, "t0": 0, "attitude": 2}  # numbers of axes after the batch
 _BYTES = 2**23  # the size of the states of a chunk, by default
 _HOW = "choose another name, or delete it"
 _PENDING = -128  # the status of trajectories that are not computed yet
@@ -133,7 +132,7 @@ def ensemble(
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
-    states = starts_of(system, x0(0) if callable(x0) else x0)
+    states = system._layout.states("x0", x0(0) if callable(x0) else x0)
     given = {"system": system, "x0": states, **options, **of_function}
     batch = _batch_of(given, count if callable(x0) else 0)
     N = batch[-1]
@@ -342,7 +341,7 @@ def _write(
 ) -> slice:
     """Compute chunk k, and write it to the store, the status last; return its place."""
     system, x0 = given.pop("system"), given.pop("x0")
-    states = starts_of(system, x0(k), f"x0({k})") if callable(x0) else x0
+    states = system._layout.states(f"x0({k})", x0(k)) if callable(x0) else x0
     data = to_xarray(function(system, states, **given), names)
     if data.sizes[_AXIS] != where.stop - where.start:
         raise wrong(f"x0({k})", "as many states as x0(0)", f"of shape {states.shape}")

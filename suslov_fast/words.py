@@ -184,7 +184,7 @@ OF_STEPS = (
    "time=np.arange(0, T, dt), at which states are wanted; steps follow from rtol="),
   ("t time teval tend tmax tf tfinal duration", "time period times",
    "flow(system, x0, time=t); along a map iterate(..., steps=n)"),
-  ("tspan t0", "",
+  ("tspan", "",
    "time=np.linspace(0, T, n) of flow, counted from x0; iterate runs to eps * steps"),
   ("tol rtol reltol accuracy precision", "rtol",
    "flow(..., rtol=); steps of a map have no tolerance"),

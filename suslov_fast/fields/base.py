@@ -13,6 +13,7 @@ from ..core.cached import cached_property
 from ..keywords import Answering, lacking, public
 from .exact_numbers import from_lists, to_lists
 from .latex import equations, symbol
+from .layout import Layout, layout_of
 from .members import Members
 
 
@@ -104,9 +105,13 @@ class Body(Members, metaclass=Answering):
         return self._of({**parts, **self._shared})
 
     @property
-    def _shown(self) -> Any:
-        """The names of components in results, where a complex variable is one component."""
-        return self._labels
+    def _autonomous(self) -> Any:
+        return self
+
+    @cached_property
+    def _layout(self) -> Layout:
+        """The variables that users see, and the components of the engine."""
+        return layout_of(self._labels)
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
@@ -187,7 +192,8 @@ class Body(Members, metaclass=Answering):
         """Return the equations of a single body for notebooks, which show a batch as a text."""
         if self.shape:
             return None
-        rows = zip((self._left % symbol(a) for a in self._labels), self._formulas, strict=True)
+        parts = (self._left % symbol(a) for a in self._layout.parts)
+        rows = zip(parts, self._formulas, strict=True)
         return equations([*rows, *((symbol(name), str(a)) for name, a in self._numbers)])
 
     @public

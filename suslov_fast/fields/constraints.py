@@ -65,9 +65,9 @@ def constraints_of(field: Any) -> Constraints | None:
 
 
 def near_constraints(field: Any, x: FloatArray) -> FloatArray:
-    """Return states on the constraints near x (..., D); x itself where none is found."""
+    """Return states of the engine on the constraints near x (..., D); x where none is found."""
     if constraints_of(field) is None:
         return x
-    moved = field.projected(x)
+    moved = field._projected(x)
     residuals = np.isfinite(moved).all(axis=-1, keepdims=True)
     return np.where(residuals, moved, x)

@@ -12,7 +12,7 @@ from ..core.cached import cached_property
 from ..core.expressions.dense_product import expanded, roll
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
-from ..core.expressions.programs import in_order, needed_for
+from ..core.expressions.programs import Expressions, Program, emitted, in_order, needed_for
 from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .symbolic import Tracer
@@ -72,6 +72,28 @@ class Equations:
         """The number of constraints, and the operands of constraints, then of first integrals."""
         constraints = self.quantities.get("residuals", [])
         return len(constraints), [*constraints, *self.quantities.get("conserved", [])]
+
+    @cached_property
+    def read_last(self) -> bool:
+        """True if another component depends on the last one."""
+        D = len(self.names) - 1
+        values, rows = in_order(self.products[0], self.products[1][:D])
+        used = [*rows, *(a for _, _, of in values.operations for a in of)]
+        return any(type(a) is int and a == D for a in used)
+
+    @cached_property
+    def without_last(self) -> Equations:
+        """The same equations without the last component, on which no other depends."""
+        D, count = len(self.names) - 1, len(self.names) + len(self.parameters) - 1
+        old, rows = in_order(self.products[0], [*self.products[1][:D], *self._others])
+        new = {k: k - (k > D) for k in range(count + 1)}
+        values = Expressions(count, range(D, count))
+        rows = emitted(values, Program(old.operations, rows), new)
+        values.take_written(old, new)
+        rest = iter(rows[D:])
+        kept = {name: [next(rest) for _ in range(size)] for name, size in self.sizes.items()}
+        about: Any = {"ratios": self.ratios, "quantities": kept}
+        return Equations(self.names[:D], self.parameters, values, rows[:D], **about)
 
     @property
     def all_names(self) -> tuple[str, ...]:

@@ -14,26 +14,19 @@ from ..checks import FloatArray, arguments_of, common_shape, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
-from ..pairs import has_pairs, split_values
 from . import coefficients, invariants, lagrangian, right_hand_sides
 from .base import Body, frozen
 from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
+from .layout import layout_of, layout_read, split_values
 from .mass import parted, rates
-from .names import CLOCK, TIME, check_for_map, variables, with_pairs
+from .names import TIME, check_for_map, laid_out, variables
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
 from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
-from .trace import (
-    Timed,
-    check_callable,
-    check_function,
-    operands_of_function,
-    timed,
-    without_clock,
-)
-from .traced import EQUATIONS, INDICES, NAMES, VALUES, Traced, operands_of_texts, parts_of
+from .trace import Timed, check_callable, check_function, operands_of_function, timed
+from .traced import EQUATIONS, INDICES, LAYOUT, VALUES, Traced, operands_of_texts, parts_of
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 
@@ -56,9 +49,9 @@ class Field(Traced):
     ----------
     f : callable
         Takes the state x, an array of D variables, and parameters by name, and returns the D
-        derivatives. A function f(t, x) or f(x, t) of SciPy's form is read, too: if its formulas
-        contain t, the field has one more variable, the last, t with the rate 1, and x0 of
-        :func:`flow` may leave it out: then it is 0. f is called twice, with equal results.
+        derivatives. A function f(t, x) or f(x, t) of SciPy's form is read, too. Then the time,
+        an argument t or time, is no variable: states do not contain it, and :func:`flow` begins at
+        ``t0=0``. f is called twice, with equal results.
     names : str, sequence of str or int
         The names of the variables, ``"u v w"``, or their number, for x1, ..., xD.
     mass : callable or array_like(float, shape=(D, D)), optional
@@ -140,28 +133,24 @@ class Field(Traced):
         **parameters: Any,
     ) -> None:
         check_callable("f", f)  # first: if f is a text, this error helps more than missing `names`
-        names = variables(names)
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None
-        names, parameters = with_pairs(f, names, complex, parameters)
-        if mass is not None and has_pairs(names):
-            raise wrong("mass", "left out beside complex variables", error=TypeError)
+        f, mass = timed(f, parameters), timed(mass, parameters)
+        has_time = isinstance(f, Timed) or isinstance(mass, Timed)
+        layout, parameters = laid_out(f, names, complex, has_time, parameters)
         if mass is None:
-            f = timed(f, parameters)
-            check_function("f", f, names, parameters)
-            has_added = isinstance(f, Timed) and names[-1] != CLOCK
-            names = (*names, CLOCK) if has_added else names
+            check_function("f", f, layout.names, parameters)
+        elif layout.has_pairs:
+            raise wrong("mass", "left out beside complex variables", error=TypeError)
         else:
-            f, mass = parted(f, mass, names, parameters)
-        values = named_parameters(split_values(parameters), names)
-        tracer = Tracer(names, [*values], has_products=mass is None)
-        tracer, rows = operands_of_function("f", f, names, values, tracer)
+            f, mass = parted(f, mass, layout.names, parameters)
+        values = named_parameters(split_values(parameters), layout.components)
+        tracer = Tracer(layout, [*values], has_products=mass is None)
+        rows = operands_of_function("f", f, tracer)
         if mass is not None:
-            rows = rates(tracer, mass, rows)
-        elif has_added and (smaller := without_clock(tracer, rows[:-1])):
-            (tracer, rows), names = smaller, names[:-1]
-        check_equalities(tracer.values, names, rows)
-        self._take(parts_of(tracer, names, rows, values))
+            rows[: layout.n] = rates(tracer, mass, rows[: layout.n])
+        check_equalities(tracer.values, layout.components, rows)
+        self._take(parts_of(tracer, rows, values))
 
     @classmethod
     @public
@@ -214,9 +203,10 @@ class Field(Traced):
         check_function("H", H, names, parameters)
         values = named_parameters(parameters, names)
         matrix = coefficients.structure_matrix(K, len(names), names)
-        tracer, [energy] = operands_of_function("H", H, names, values)
+        tracer = Tracer(layout_of(names), [*values])
+        [energy] = operands_of_function("H", H, tracer)
         equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
-        return cls._of({**values, NAMES: names, EQUATIONS: equations})
+        return cls._of({**values, LAYOUT: tracer.layout, EQUATIONS: equations})
 
     @classmethod
     @public
@@ -296,10 +286,9 @@ class Field(Traced):
         functions |= {"frame": frame}
         values = named_parameters(parameters, [*q, *u])
         found = lagrangian.of_lagrangian(functions, q, u, values, algebra)
-        tracer, names, rows, quantities = found
-        names = variables(names)
-        check_equalities(tracer.values, names, rows)
-        return cls._of(parts_of(tracer, names, rows, values, quantities))
+        tracer, rows, quantities = found
+        check_equalities(tracer.values, tracer.layout.components, rows)
+        return cls._of(parts_of(tracer, rows, values, quantities))
 
     @classmethod
     @public
@@ -397,13 +386,14 @@ class Field(Traced):
     @classmethod
     def _of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
         """Return the field of terms that were checked before."""
-        return cls._of({INDICES: terms.indices, VALUES: terms.values, NAMES: tuple(names)})
+        layout = layout_of(tuple(names))
+        return cls._of({INDICES: terms.indices, VALUES: terms.values, LAYOUT: layout})
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
         if parts.get(EQUATIONS) is None:
             indices, values = without_zeros(parts[INDICES], np.asarray(parts[VALUES]))
-            parts = {NAMES: parts[NAMES], INDICES: indices, VALUES: values}
+            parts = {LAYOUT: parts[LAYOUT], INDICES: indices, VALUES: values}
         super()._take(parts)
 
     @property
@@ -457,7 +447,7 @@ class Field(Traced):
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
                 "that of another field call another.energy(run.states)"
             )
-        x = checks.states("x", x, self.names)
+        x = self._layout.enter("x", x)
         shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
         energies = equations.energy(np.moveaxis(x, -1, 0), self._inputs)
         return np.broadcast_to(energies, shape) + 0.0 * x.sum(axis=-1)  # NaN for states with NaN
@@ -483,16 +473,18 @@ class Field(Traced):
         >>> Field(lambda x: (-x[0], x[0] * x[1]), "x y").subsystem("x")
         Field(x' = -x)
         """
-        names = variables(names)
-        equations = subsystem(self, names, held)
-        return type(self)._of({**self.parameters, NAMES: names, EQUATIONS: equations})
+        layout, equations = subsystem(self, variables(names), held)
+        return type(self)._of({**self.parameters, LAYOUT: layout, EQUATIONS: equations})
 
     def _quantity(self, name: str, x: Any) -> FloatArray:
         """Return values (..., n) of a quantity of mechanics at states x."""
         if self._equations is None or name not in self._equations.sizes:
             how = "Field.from_lagrangian(L, names, constraints=...) makes one"
             raise TypeError(f"system: this field has no {name}: {how}")
-        x = checks.states("x", x, self.names)
+        return self._quantity_at(name, self._layout.enter("x", x))
+
+    def _quantity_at(self, name: str, x: FloatArray) -> FloatArray:
+        """Return values (..., n) of a quantity of mechanics at states of the engine."""
         shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
         operands = self._equations.quantities[name]
         rows = self._equations.at(operands, np.moveaxis(x, -1, 0), self._inputs)
@@ -523,16 +515,21 @@ class Field(Traced):
     def projected(self, x: Any, steps: int = 8) -> FloatArray:
         """Return states on the constraints, near the states x in the metric of the masses."""
         self._quantity("residuals", x)  # raises if there are none
-        x = checks.states("x", x, self.names)
+        x = self._layout.enter("x", x)
         batch = common_shape({"system": self.shape, "x": x.shape[:-1]})
-        x = np.array(np.broadcast_to(x, (*batch, self.dimension)))
-        sizes = self._equations.sizes
+        moved = self._projected(np.broadcast_to(x, (*batch, self._layout.D)), steps)
+        projected: FloatArray = self._layout.leave(moved)
+        return projected
+
+    def _projected(self, x: FloatArray, steps: int = 8) -> FloatArray:
+        """Return states of the engine on the constraints, near x in the metric of the masses."""
+        x, sizes = np.array(x), self._equations.sizes
         n, m = sizes["momenta"], sizes["corrections"]
         has_positions = sizes["residuals"] > sizes["multipliers"]
         q = m - n
         for _ in range(steps if has_positions else 0):
-            x[..., :q] += self._quantity("corrections", x)[..., :q]
-        x[..., q:m] += self._quantity("corrections", x)[..., q:]
+            x[..., :q] += self._quantity_at("corrections", x)[..., :q]
+        x[..., q:m] += self._quantity_at("corrections", x)[..., q:]
         return x
 
     @public
@@ -569,7 +566,7 @@ class Field(Traced):
         if self._equations is None:
             raise TypeError("system: write f as a function, so that it can keep integrals")
         equations = invariants.conserving(self, integrals)
-        return type(self)._of({**self.parameters, NAMES: self.names, EQUATIONS: equations})
+        return type(self)._of({**self.parameters, LAYOUT: self._layout, EQUATIONS: equations})
 
     @property
     def _is_hamiltonian(self) -> bool:
@@ -577,10 +574,21 @@ class Field(Traced):
 
     # ------------------------------------------------------------------------------ motion
     @property
-    def _has_clock(self) -> bool:
-        """True if the last variable is the time t: x0 may leave it out, then it starts at 0."""
-        is_named = self.names[-1] == CLOCK and self._equations is not None
-        return is_named and repr(self._equations.products[1][self.dimension - 1]) == "1.0"
+    def _is_forced(self) -> bool:
+        """True if f reads its hidden time."""
+        return self._layout.has_time and self._equations.read_last
+
+    @cached_property
+    def _autonomous(self) -> Field:
+        """The field without a hidden time; TypeError if f reads it."""
+        if not self._layout.has_time:
+            return self
+        if self._is_forced:
+            how = "one that does: periodic_orbit follows a force; for others make t a variable, "
+            how += "Field(lambda s: (*f(s[-1], s[:-1]), 1.0), names)"
+            raise wrong("system", "one whose f does not read the time", how, TypeError)
+        layout = layout_of(self._layout.parts)
+        return Field._of({**self._parts, LAYOUT: layout, EQUATIONS: self._equations.without_last})
 
     def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""
@@ -630,14 +638,14 @@ class Field(Traced):
     def _terms(self) -> Terms:
         """The terms of f for kernels of maps; TypeError if f is not of degree 2."""
         terms = self._terms_of().floats
-        check_for_map(self.names, self._coordinates)
+        check_for_map(self._layout.components, self._coordinates)
         return terms
 
     @cached_property
     def _may_escape(self) -> bool:
         """False for linear equations, with solutions that exist at all times."""
         try:
-            return bool((self._terms.indices[2] < self.dimension).any())
+            return bool((self._terms.indices[2] < self._layout.D).any())
         except (TypeError, ValueError):
             return True
 
@@ -682,6 +690,7 @@ class Field(Traced):
         equations: Any = None,
         definitions: Any = None,
         parameters: Any = None,
+        time: Any = None,
         H: Any = None,
         K: Any = None,
         indices: Any = None,
@@ -689,41 +698,23 @@ class Field(Traced):
         quantities: Any = None,
     ) -> Field:
         names = variables(names)
-        if quantities:
-            first = equations if H is None else [H]
-            rows = [*first, *(a for of in quantities.values() for a in of)]
-            tracer, rows, given = operands_of_texts(names, rows, definitions, parameters)
-            count, rest = len(first), iter(rows[len(first) :])
-            read = {name: [next(rest) for _ in of] for name, of in quantities.items()}
-            if H is None:
-                return cls._of(parts_of(tracer, names, rows[:count], given, read))
-            matrix = coefficients.structure_matrix(K, len(names))
-            of_H = of_hamiltonian(tracer, names, [*given], rows[0], matrix, read)
-            return cls._of({**given, NAMES: names, EQUATIONS: of_H})
+        layout = layout_read(names, time)
         if indices is not None and H is None and equations is None and not parameters:
             return cls._of_terms(coefficients.of_file(indices, values, len(names)), names)
-        if H is None:
-            return super()._read(names, equations, definitions, parameters)
-        if equations is not None:
+        if H is None and not quantities:
+            return super()._read(names, equations, definitions, parameters, time)
+        if H is not None and equations is not None:
             raise wrong("equations", "left out beside H", short(equations))
-        tracer, [energy], given = operands_of_texts(names, [H], definitions, parameters)
+        first, quantities = equations if H is None else [H], quantities or {}
+        rows = [*first, *(a for of in quantities.values() for a in of)]
+        tracer, rows, given = operands_of_texts(layout, rows, definitions, parameters)
+        count, rest = len(first), iter(rows[len(first) :])
+        read = {name: [next(rest) for _ in of] for name, of in quantities.items()}
+        if H is None:
+            return cls._of(parts_of(tracer, rows[:count], given, read))
         matrix = coefficients.structure_matrix(K, len(names))
-        of_H = of_hamiltonian(tracer, names, [*given], energy, matrix)
-        return cls._of({**given, NAMES: names, EQUATIONS: of_H})
-
-
-def starts_of(system: Any, x0: Any, name: str = "x0") -> FloatArray:
-    """Return initial states (..., D); the time of a field that depends on it may be left out."""
-    labels = system._labels
-    if labels[-1] == CLOCK and isinstance(system, Field) and system._has_clock:
-        if isinstance(x0, Mapping) and not hasattr(x0, "dims"):
-            x0 = {CLOCK: 0.0, **x0}
-        elif np.shape(x0)[-1:] == (len(system._shown) - 1,) or (
-            np.ndim(x0) == 0 and len(system._shown) == 2
-        ):
-            x = checks.states(name, x0, labels[:-1])
-            x0 = np.concatenate([x, np.where(np.isnan(x[..., :1]), np.nan, 0.0)], axis=-1)
-    return checks.states(name, x0, labels)
+        of_H = of_hamiltonian(tracer, names, [*given], rows[0], matrix, read)
+        return cls._of({**given, LAYOUT: layout, EQUATIONS: of_H})
 
 
 def system_of(system: Any, x0: Any) -> Any:

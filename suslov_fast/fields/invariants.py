@@ -23,24 +23,22 @@ def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations
 
     Integrals that the field keeps already stay. Equal formulas count once.
     """
-    old, D = field._equations, field.dimension
+    old, D = field._equations, field._layout.D
     quantities = {name: of for name, of in old.quantities.items() if name != "conserved"}
     others = [a for of in quantities.values() for a in of]
     first = [old.H] if old.H is not None else quantities.get("energy", [])
     before = old.quantities.get("conserved", [])
     values, operands = in_order(old.values, [*old.results, *others, *first, *before])
-    tracer = Tracer(field.names, [*old.parameters])
+    tracer = Tracer(field._layout, [*old.parameters])
     tracer.values = values
     place = len(operands) - len(before)
     integrals, before = operands[D + len(others) : place], operands[place:]
     if functions:
         integrals = []
         for f in functions:
-            argument = "constraints"  # any number of values
             f = timed(f)
             f = taking(f, taken(f, field.parameters))
-            given = operands_of_function(argument, f, field.names, field.parameters, tracer)[1]
-            integrals += given
+            integrals += operands_of_function("constraints", f, tracer)  # any number of values
     elif not integrals:
         raise TypeError("integrals: pass functions of the state: this field has no energy")
     _check(field, values, operands[:D], integrals)
@@ -48,14 +46,12 @@ def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations
     kept = {name: [next(rest) for _ in of] for name, of in quantities.items()}
     H = None if old.H is None else operands[D + len(others)]
     of_all = kept | {"conserved": [*dict.fromkeys([*before, *integrals])]}
-    return Equations(
-        field.names, old.parameters, values, operands[:D], H, old.K, old.ratios, of_all
-    )
+    return Equations(old.names, old.parameters, values, operands[:D], H, old.K, old.ratios, of_all)
 
 
 def _check(field: Any, values: Any, rates: Sequence[Any], integrals: Sequence[Any]) -> None:
     """Raise ValueError if the derivative of an integral along f is not 0 at random states."""
-    D = field.dimension
+    D = field._layout.D
     operations = program_of(values.operations, integrals).operations
     slopes = gradients(values, operations, integrals, D)
     x = np.random.default_rng(3).normal(size=(_SAMPLES, D))
@@ -66,7 +62,7 @@ def _check(field: Any, values: Any, rates: Sequence[Any], integrals: Sequence[An
             single = field._with_parts(
                 field._parts | {n: float(np.ravel(a)[0]) for n, a in field.parameters.items()}
             )
-            x = single.projected(x)
+            x = single._projected(x)
         x = x.T
         numbers: dict[Any, Any] = dict(enumerate([*x, *given]))
         evaluate(values.operations, numbers)

@@ -21,6 +21,7 @@ from ..checks import arguments_of, short, wrong
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
+from .layout import layout_of
 from .mass import Samples, solved
 from .names import TIME, variables
 from .symbolic import Symbol, Symbols, Tracer
@@ -41,7 +42,6 @@ class Mechanics(NamedTuple):
     """
 
     tracer: Tracer
-    names: tuple[str, ...]
     rates: list[Any]
     quantities: dict[str, list[Any]]
 
@@ -77,8 +77,8 @@ class _Functions:
         if idle := [p for p in values if not any(p in uses for uses in self.uses.values())]:
             raise TypeError(f"from_lagrangian: no function has the parameter {idle[0]!r}")
         clock = ("t",) * any(TIME & {*uses} for uses in self.uses.values())
-        self.n, self.m, self.names = len(q), len(u), (*q, *u, *clock)
-        self.tracer = Tracer(self.names, [*values])
+        self.n, self.m = len(q), len(u)
+        self.tracer = Tracer(layout_of(variables((*q, *u, *clock))), [*values])
         self.places = [*range(self.n), *([self.n + self.m] if clock else [])]
         frame = self.symbols("frame", self.n) if "frame" in self.given else self.velocities
         self.flows = np.array([*frame, *[1.0] * len(clock)], object)
@@ -100,7 +100,7 @@ class _Functions:
 
         kind = "H" if name == "L" else "constraints"
         try:
-            _, rows = operands_of_function(kind, of_state, (), {}, self.tracer)
+            rows = operands_of_function(kind, of_state, self.tracer)
         except (TypeError, ValueError) as error:
             raise type(error)(f"{name}: {str(error).removeprefix(f'{kind}: ')}") from None
         if count not in (None, len(rows)):
@@ -165,7 +165,7 @@ def of_lagrangian(
         }
     operands = {name: [*map(tracer.result, of)] for name, of in quantities.items()}
     rates = [*map(tracer.result, [*flows[:n], *rates, *flows[n:]])]
-    return Mechanics(tracer, traced.names, rates, operands)
+    return Mechanics(tracer, rates, operands)
 
 
 def _inertia(traced: _Functions, L: Any, p: Any, algebra: Any) -> tuple[Any, Any]:

@@ -13,13 +13,14 @@ from ..core.cached import cached_property
 from ..core.expressions.programs import in_order
 from ..core.maps.map_step import MapStep, map_step
 from ..keywords import public_class
-from ..pairs import split_values
 from .equations import Equations
 from .exact_numbers import named_parameters
 from .field import Field
-from .names import TIME, check_for_map, variables, with_pairs
+from .layout import split_values
+from .names import TIME, check_for_map, laid_out
+from .symbolic import Tracer
 from .trace import check_function, operands_of_function
-from .traced import EQUATIONS, NAMES, Traced, parts_of
+from .traced import EQUATIONS, LAYOUT, Traced, parts_of
 
 
 @public_class
@@ -80,17 +81,17 @@ class Map(Traced):
         complex: Any = False,
         **parameters: Any,
     ) -> None:
-        names = variables(names)
-        names, parameters = with_pairs(f, names, complex, parameters)
+        layout, parameters = laid_out(f, names, complex, False, parameters)
         if TIME & {*arguments_of(f), *parameters}:
             call = "Map(lambda s: (*f(s[:-1], s[-1]), s[-1] + 1), names)"
             how = "the number of the step is a variable that grows by 1"
             raise TypeError(f"f: {how}, as in {call}, and no argument t")
-        check_function("f", f, names, parameters)
-        values = named_parameters(split_values(parameters), names)
+        check_function("f", f, layout.names, parameters)
+        values = named_parameters(split_values(parameters), layout.components)
         check_for_map((), [name for name in values if name != "eps"])
-        tracer, rows = operands_of_function("f", f, names, values)
-        self._take(parts_of(tracer, names, rows, values))
+        tracer = Tracer(layout, [*values])
+        rows = operands_of_function("f", f, tracer)
+        self._take(parts_of(tracer, rows, values))
 
     def _value(self, x: FloatArray) -> FloatArray:
         found = super()._value(x)
@@ -108,8 +109,8 @@ class Map(Traced):
         parts = self._equations
         values, results = in_order(parts.values, parts.results)  # a copy, as `emit` adds to it
         rates = [values.emit("fsub", a, i) for i, a in enumerate(results)]
-        equations = Equations(self.names, parts.parameters, values, rates)
-        return Field._of({**self._parts, NAMES: self.names, EQUATIONS: equations})
+        equations = Equations(parts.names, parts.parameters, values, rates)
+        return Field._of({**self._parts, LAYOUT: self._layout, EQUATIONS: equations})
 
     @property
     def _operations(self) -> MapStep:

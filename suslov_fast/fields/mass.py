@@ -42,7 +42,7 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     """Return the operands of M^-1 f, for the operands `right` of f."""
     D = len(right)
     if callable(mass):
-        _, entries = operands_of_function("mass", mass, (), {}, tracer)
+        entries = operands_of_function("mass", mass, tracer)
         rows = [entries[k : k + D] for k in range(0, D * D, D)]
     else:
         rows = real_array("mass", mass).tolist()

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..checks import arguments_of, integer, short, wrong
-from ..pairs import split_names
+from .layout import Layout, layout_of, unpaired, with_complex, without_suffix
 
 # Limits of files: the characters of a name, and the number of variables.
 _LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
 TIME = {"t", "time"}
-CLOCK = "t"  # the variable of a field of a function f(t, y)
+OF_TIME = "f(t, y) or f(y, t) takes the time, first or second, and t has no value or default"
 # Names that a parameter cannot have, and what they stand for.
 _TAKEN = {
     **dict.fromkeys(TIME, "time, which is a variable"),
@@ -44,13 +44,6 @@ _SYMBOL = re.compile(
 )
 _WITH_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # such as px, a momentum
 _AXIS = re.compile(r"batch_\d+")
-
-
-def of_time(names: Sequence[str], f: str = "...") -> str:
-    """Return, for messages, how to write a field with these variables that depends on time."""
-    given = f'"{" ".join(names)} t"' if len(names) <= 8 else len(names) + 1
-    field = f"Field(lambda s: ({f}, 1.0), {given})"
-    return f"time is a variable with the rate 1, as in {field}, with its start at the end of x0"
 
 
 def labels(D: int) -> tuple[str, ...]:
@@ -98,29 +91,34 @@ def variables(given: Any, D: int | None = None) -> tuple[str, ...]:
         before.add(name)
         if reason:
             raise ValueError(f"names: the variable {short(name)} {reason}")
-    for a, b in zip(["", *names], [*names, ""], strict=True):  # pairs of complex variables
-        if (a.endswith(".real") or b.endswith(".imag")) and b != f"{a[:-5]}.imag":
-            raise ValueError(f"names: {a or b} must be in a pair, z.real z.imag")
+    if name := unpaired(names):
+        raise ValueError(f"names: {name} must be in a pair, z.real z.imag")
     return tuple(names)
 
 
-def with_pairs(f: Any, names: Any, complex: Any, parameters: Any) -> tuple[tuple[str, ...], Any]:
-    """Return names with pairs for variables that `complex` names, and the parameters of f.
+def laid_out(
+    f: Any, names: Any, complex: Any, has_time: bool, parameters: Any
+) -> tuple[Layout, dict[str, Any]]:
+    """Return the layout of variables, of which `complex` names some, and the parameters of f.
 
     If f has an argument `complex`, the value is a parameter of f instead.
     """
+    names = variables(names)
     if complex is not False and "complex" in arguments_of(f):
-        return names, {**parameters, "complex": complex}
-    if complex is False:
-        return names, parameters
-    return split_names(names, names if complex is True else variables(complex)), parameters
+        parameters, complex = {**parameters, "complex": complex}, False
+    if taken := [name for name in names if name in TIME and has_time]:
+        how = "leave it out, or write f as a function of the state alone"
+        raise ValueError(f"names: {taken[0]!r} is the time, which f takes beside the state: {how}")
+    if complex is not False:
+        names = with_complex(names, names if complex is True else variables(complex))
+    return layout_of(names, has_time), parameters
 
 
 def _refused(name: str) -> str:
     """Return why a variable or parameter cannot have this name; "" if it can."""
     if len(name) > _LONGEST_NAME:
         return f"is longer than {_LONGEST_NAME} characters"
-    name = name.removesuffix(".real").removesuffix(".imag")  # parts of complex variables
+    name = without_suffix(name)  # parts of complex variables
     plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
     if plain != name and plain.isidentifier():
         return f"is {plain!r} to Python, which normalises names: pass that"
@@ -146,7 +144,7 @@ def check_order(names: Sequence[str]) -> None:
 def check_parameter(name: str, names: Sequence[str]) -> None:
     """Raise ValueError if a parameter cannot have this name in a field with variables `names`."""
     if name in TIME:
-        raise ValueError(f"parameters must be constants, not {name!r}: {of_time(names)}")
+        raise ValueError(f"parameters must be constants, not {name!r}: {OF_TIME}")
     if reason := _refused(name):
         raise ValueError(f"parameters: {short(name)} {reason}")
     what = "a name in datasets" if _AXIS.fullmatch(name) else _TAKEN.get(name, "")

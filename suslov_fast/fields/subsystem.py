@@ -10,15 +10,19 @@ import numpy as np
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
 from .equations import Equations
+from .layout import Layout
 from .symbolic import Tracer
 
 _SAMPLES = 24  # random states at which dependence is tested
 
 
-def subsystem(field: Any, names: Sequence[str], held: Mapping[str, float]) -> Equations:
+def subsystem(
+    field: Any, names: Sequence[str], held: Mapping[str, float]
+) -> tuple[Layout, Equations]:
     """Return the equations of the variables `names`; raise if their rates depend on others."""
-    old, D = field._equations, field.dimension
-    kept = [field.names.index(name) for name in names]
+    old, D = field._equations, field._layout.D
+    layout, kept = field._layout.only(names)
+    names = layout.components
     dropped = [i for i in range(D) if i not in kept]
     rows = {"": [old.results[i] for i in kept]}
     if "energy" in old.sizes:
@@ -26,7 +30,7 @@ def subsystem(field: Any, names: Sequence[str], held: Mapping[str, float]) -> Eq
     conserved = old.quantities.get("conserved", [])
     rows |= {f"conserved {k}": [a] for k, a in enumerate(conserved)}
     rng = np.random.default_rng(2)
-    at = {field.names.index(name): float(value) for name, value in held.items()}
+    at = {old.names.index(name): float(value) for name, value in held.items()}
     x = rng.normal(size=(D, _SAMPLES))
     for i, value in at.items():
         x[i] = value
@@ -60,7 +64,7 @@ def subsystem(field: Any, names: Sequence[str], held: Mapping[str, float]) -> Eq
                 raise ValueError(f"names: the rate of {label} depends on other variables")
         else:
             found[name] = operands, operations
-    tracer = Tracer(names, [*old.parameters])
+    tracer = Tracer(layout, [*old.parameters])
     result = {}
     for name, (operands, operations) in found.items():
         new: dict[Any, Any] = dict.fromkeys(dropped, 0.0) | at | {i: k for k, i in enumerate(kept)}
@@ -76,7 +80,7 @@ def subsystem(field: Any, names: Sequence[str], held: Mapping[str, float]) -> Eq
         result["conserved"] = [a for of in integrals for a in of if type(a) is int]
     if not all(np.isfinite(a) for a in main if isinstance(a, float)):
         raise ValueError("names: the rates have no value where the other variables are 0")
-    return Equations(
+    return layout, Equations(
         names, old.parameters, tracer.values, main, ratios=old.ratios, quantities=result
     )
 

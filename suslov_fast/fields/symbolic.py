@@ -25,10 +25,10 @@ from ..core.expressions.dense_product import ENTRY, DenseMatrix, is_large
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions
-from ..pairs import has_pairs, whole
 from ..words import OF_ARRAYS, STEPS
 from .complex_rules import RULES, TO_REAL
 from .equation_text import brief
+from .layout import Layout, layout_of
 
 TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
 
@@ -55,15 +55,16 @@ class Tracer:
     """The symbols with which a function is called, and the list of its operations."""
 
     def __init__(
-        self, names: Sequence[str], parameters: Sequence[str], has_products: bool = False
+        self, layout: Layout, parameters: Sequence[str], has_products: bool = False
     ) -> None:
-        self.names, self.has_products = (*names, *parameters), has_products
-        self.D, count = len(names), len(self.names)
+        self.layout, self.has_products = layout, has_products
+        self.names = (*layout.components, *parameters)
+        self.D, count = layout.D, len(self.names)
         self.values = Expressions(count, range(self.D, count))
         self.real_parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
-        self.variables, self.parameters = tuple(names), dict(self.real_parameters)
-        if has_pairs(parameters):
-            self.parameters = joined_symbols([*self.parameters.values()], parameters)
+        of = layout_of(tuple(parameters))
+        values = of.joined([*self.real_parameters.values()], Complex.of)
+        self.parameters = dict(zip(of.names, values, strict=True))
         self.squares: dict[int, Any] = {}  # {operand of a modulus: operand of its square}
         self.ratios: dict[float, Fraction] = {}  # {nearest float: fraction that is no float}
         self.other = ""  # why symbols of this tracer cannot be used beside those of others
@@ -71,17 +72,24 @@ class Tracer:
 
     @property
     def state(self) -> Symbols:
-        """The symbols of the components; not stored, as garbage collection misses such arrays."""
-        symbols = [Symbol(self, i) for i in range(self.D)]
-        if has_pairs(self.variables):
-            symbols = [*joined_symbols(symbols, self.variables).values()]
-        return Symbols.of(symbols)
+        """The symbols of the variables; not stored, as garbage collection misses such arrays."""
+        parts = [Symbol(self, i) for i in range(self.layout.size)]
+        return Symbols.of(self.layout.joined(parts, Complex.of))
+
+    @property
+    def time(self) -> Symbol:
+        """The symbol of the hidden time; if there is none, a symbol that cannot be used."""
+        if self.layout.has_time:
+            return Symbol(self, self.D - 1)
+        alone = Tracer(layout_of((), True), ())
+        alone.other = "f of this system takes no time, which this function reads"
+        return alone.time
 
     @property
     def known(self) -> dict[str, Symbol]:
         """The symbols by name, for texts: of complex variables z, also z.real and z.imag."""
         real = {name: Symbol(self, i) for i, name in enumerate(self.names)}
-        return real | dict(zip(whole(self.variables), self.state, strict=True)) | self.parameters
+        return real | dict(zip(self.layout.names, self.state, strict=True)) | self.parameters
 
     def is_truth(self, operand: Any) -> bool:
         """Return True if an operand is a truth value of the list."""
@@ -618,6 +626,10 @@ class Complex(Symbol):
     def __init__(self, tracer: Any, real: Any, imag: Any) -> None:
         self.tracer, self.real, self.imag = tracer, _number(real), _number(imag)
 
+    @classmethod
+    def of(cls, real: Symbol, imag: Symbol) -> Complex:
+        return cls(real.tracer, real, imag)
+
     @property
     def operand(self) -> Any:
         how = "take z.real, z.imag or abs(z), or name the variable: Field(f, names, complex=...)"
@@ -669,20 +681,7 @@ def _of_complex(tracer: Tracer, name: str, values: Sequence[Any]) -> Any:
     return Complex(tracer, *RULES[name](*given))
 
 
-def joined_symbols(symbols: Sequence[Symbol], names: Sequence[str]) -> dict[str, Symbol]:
-    """Return symbols by name, one for each pair of names."""
-    of: dict[str, Any] = dict(zip(names, symbols, strict=True))
-    for name in names:
-        if name.endswith(".imag"):
-            real, imag = of[f"{name[:-5]}.real"], of[name]
-            of[name[:-5]] = Complex(real.tracer, real, imag)
-    return {name: of[name] for name in whole(tuple(names))}
-
-
-def flat(tracer: Any, variables: Any, values: Any) -> list[Any]:
-    """Return the operands of values of variables: two for each complex variable."""
-    operands: list[Any] = []
-    for variable, value in zip(variables, values, strict=True):
-        parts = _parts(value) if isinstance(variable, Complex) else [value]
-        operands += map(tracer.result, parts)
-    return operands
+def components(tracer: Tracer, layout: Layout, values: Any, of_time: Any) -> list[Any]:
+    """Return the operands of components, for values of variables and of the hidden time."""
+    parts = layout.split(values, _parts)
+    return [*map(tracer.result, parts + [of_time] * layout.has_time)]

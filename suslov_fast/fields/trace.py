@@ -12,24 +12,25 @@ import numpy as np
 
 from ..checks import OF_SYMBOLS, arguments_of, either, short, signature_of, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
-from ..core.expressions.programs import Program, emitted, in_order
 from ..words import STEPS, answer
 from . import symbolic
 from .branching import along_all_paths
-from .names import CLOCK, TIME, of_time
+from .names import OF_TIME, TIME
 from .script_functions import as_in_scripts
-from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, flat
+from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, components
 
 _FAILURES = TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
+_NONE = inspect.Parameter.empty
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
 
 
 class Timed:
     """A function f(t, y) or f(y, t) of SciPy's form, as a function of the state y alone."""
 
-    def __init__(self, f: Any, signature: inspect.Signature, place: int) -> None:
-        self.function, self.place, self.time = getattr(f, "py_func", f), place, Symbol(None, None)
+    def __init__(self, f: Any, signature: inspect.Signature, place: int, time: Any = None) -> None:
+        self.function, self.place, self.time = getattr(f, "py_func", f), place, time
+        self.given = signature
         others = [a for k, a in enumerate(signature.parameters.values()) if k != place]
         self.__signature__ = signature.replace(parameters=others)
 
@@ -37,15 +38,9 @@ class Timed:
         pair = (y, self.time) if self.place else (self.time, y)
         return self.function(*pair, **{k: parameters[k] for k in taken(self, parameters)})
 
-    def given(self, state: Symbols, tracer: Tracer) -> Symbols:
-        """Take the time from a state, whose last variable it is if the field has one; return y."""
-        if tracer.names[tracer.D - 1] == CLOCK:
-            self.time = state[-1]
-            return state[:-1]
-        tracer = Tracer([CLOCK], [])
-        tracer.other = "the equations of this system do not depend on time, which it reads"
-        self.time = tracer.state[0]
-        return state
+    def at(self, time: Symbol) -> Timed:
+        """Return the function of the state at this time."""
+        return Timed(self.function, self.given, self.place, time)
 
 
 def timed(f: Any, parameters: Iterable[str] = ()) -> Any:
@@ -58,24 +53,7 @@ def timed(f: Any, parameters: Iterable[str] = ()) -> Any:
     ordinary = pair[0].POSITIONAL_ONLY, pair[0].POSITIONAL_OR_KEYWORD
     if len(places) != 1 or any(a.kind not in ordinary or a.name in parameters for a in pair):
         return f
-    return Timed(f, signature, places[0])
-
-
-def without_clock(tracer: Tracer, rows: list[Any]) -> tuple[Tracer, list[Any]] | None:
-    """Return a tracer without the last variable, the time, and the operands `rows` there.
-
-    Return None if these operands depend on the time.
-    """
-    values, results = in_order(tracer.values, rows)
-    D, used = tracer.D - 1, [*results, *(a for _, _, of in values.operations for a in of)]
-    if any(a == D for a in used if type(a) is int):
-        return None
-    smaller = Tracer(tracer.names[:D], tracer.names[D + 1 :], tracer.has_products)
-    new = {a: a - (a > D) for a in range(len(tracer.names))}
-    rows = emitted(smaller.values, Program(values.operations, results), new)
-    smaller.values.take_written(values, new)
-    smaller.ratios = tracer.ratios
-    return smaller, rows
+    return f if pair[places[0]].default is not _NONE else Timed(f, signature, places[0])
 
 
 def check_callable(argument: str, f: Any) -> None:
@@ -96,18 +74,12 @@ def check_function(argument: str, f: Any, names: Any, parameters: Mapping[str, A
     signature = signature_of(f)
     if signature is None:
         return
-    first = next(iter(signature.parameters), "")
     others = [*signature.parameters.values()][1:]
     known = [each.name for each in others]
     missing = [name for name in arguments_of(f)[1:] if name not in parameters]
     unknown = [name for name in parameters if name not in known]
     if TIME & {*signature.parameters}:
-        call = "..."
-        if len(others) < 2:
-            call = "*f(s[-1], s[:-1])" if first in TIME else "*f(s[:-1], s[-1])"
-        how = of_time(names, call)
-        if argument != "f":
-            how = "pass lambda x: ...; time is a variable of the field, with the rate 1"
+        how = "pass lambda x: ..." if argument == "H" else OF_TIME
     elif _fits(signature, parameters):
         return
     elif any(each.kind is each.VAR_POSITIONAL for each in others):
@@ -188,7 +160,7 @@ def called(
         raise kind(f"{argument}: {text}") from error
 
 
-def components(result: Any, D: int) -> Any:
+def _components(result: Any, D: int) -> Any:
     """Return the result of f, if it has D components."""
     if hasattr(result, "free_symbols"):
         raise TypeError(f"must return formulas of x, not expressions of SymPy: {_OF_SYMPY}")
@@ -212,7 +184,7 @@ def _parts(argument: str, result: Any, D: int) -> Any:
     if argument == "constraints":
         return np.ravel(np.array(result, object)).tolist()
     if argument != "mass":
-        return components(result, D)
+        return _components(result, D)
     array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)
     if array.shape != (D, D):
         received = f"{short(result)} of shape {array.shape}"
@@ -220,22 +192,16 @@ def _parts(argument: str, result: Any, D: int) -> Any:
     return array.ravel().tolist()
 
 
-def operands_of_function(
-    argument: str,
-    f: Any,
-    names: Sequence[str],
-    parameters: Mapping[str, Any],
-    tracer: Tracer | None = None,
-) -> tuple[Tracer, list[Any]]:
-    """Return the tracer with which f was called, and the operands of f, of [H], or of M by rows."""
-    tracer, before = tracer or Tracer(names, [*parameters]), symbolic.MADE.count
+def operands_of_function(argument: str, f: Any, tracer: Tracer) -> list[Any]:
+    """Return the operands of f, of [H], or of M by rows, in the list of the tracer."""
+    before = symbolic.MADE.count
     try:
-        return tracer, _by_two_calls(argument, f, tracer, False)
+        return _by_two_calls(argument, f, tracer, False)
     except (TypeError, ValueError):
         pass
     rows = _by_two_calls(argument, f, tracer, True)
     symbolic.MADE.count = before  # so that a function that makes this field is no suspect
-    return tracer, rows
+    return rows
 
 
 def _by_two_calls(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list[Any]:
@@ -258,19 +224,15 @@ def _by_two_calls(argument: str, f: Any, tracer: Tracer, as_script: bool) -> lis
 
 
 def _by_one_call(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list[Any]:
-    state, last = tracer.state, []
-    if isinstance(f, Timed):
-        y = f.given(state, tracer)
-        if len(y) < len(state) and argument not in ("surface", "constraints"):
-            last = [1.0 if argument == "f" else f.time]
-        state = y
-    result = called(argument, f, state, tracer.parameters, as_script)
+    f = f.at(tracer.time) if isinstance(f, Timed) else f
+    result = called(argument, f, tracer.state, tracer.parameters, as_script)
     try:
-        parts = _parts(argument, result, len(state))
-        alone = (a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts)
+        parts = _parts(argument, result, tracer.layout.n)
+        alone = [a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts]
         if argument in ("H", "surface", "mass", "constraints"):
-            return [*map(tracer.result, [*alone, *last])]
-        return flat(tracer, tracer.state, [*alone, *last])
+            return [*map(tracer.result, alone)]
+        of_time = 1.0 if argument == "f" else tracer.time
+        return components(tracer, tracer.layout, alone, of_time)
     except (TypeError, ValueError) as error:
         of = ValueError if isinstance(error, ValueError) else TypeError
         raise of(f"{argument}: {error}") from None

@@ -15,29 +15,29 @@ from ..checks import FloatArray, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.programs import Program, emitted
 from ..keywords import public
-from ..pairs import joined, split_values, whole
 from .base import Body, Parameters, frozen, summary
 from .equation_text import values_of
 from .equations import LONGEST, Equations
 from .exact_numbers import named_parameters, numbers_by_name, to_lists
+from .layout import Layout, layout_read, split_values
 from .names import labels, variables
 from .right_hand_sides import by_code_if_often
-from .symbolic import Symbol, Symbols, Tracer, flat, joined_symbols
+from .symbolic import Complex, Symbol, Symbols, Tracer, components
 from .trace import called_by_name
 
 # Keys of the parts of a field or map other than its parameters. They contain spaces, because a
 # parameter can have any name that Python accepts.
-NAMES, EQUATIONS = "names of variables", "equations of f"
+LAYOUT, EQUATIONS = "layout of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
 # Attributes that are the same for all values of the parameters, if the parameters are numbers.
-_COMMON = {*"_shown _coordinates dimension names _labels _equations shape _tables_of_time".split()}
+_COMMON = {*"_layout _coordinates dimension names _equations shape _tables_of_time".split()}
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Traced(Body):
     """The base of `Field` and `Map`: their function f is stored as a list of operations."""
 
-    _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations")
+    _texts: ClassVar[tuple[str, ...]] = ("names", "time", "definitions", "equations")
     _variable: ClassVar[str] = "x"
     _arrow: ClassVar[str]  # what stands between a variable and its formula in texts
 
@@ -79,23 +79,20 @@ class Traced(Body):
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
-        kept = {n: frozen(a) for n, a in parts.items() if n not in (NAMES, EQUATIONS)}
+        kept = {n: frozen(a) for n, a in parts.items() if n not in (LAYOUT, EQUATIONS)}
+        layout = parts[LAYOUT]
         vars(self).update(
             _parts=kept,
             _coordinates=tuple(name for name in kept if name not in self._axes),
-            dimension=len(parts[NAMES]),
-            names=parts[NAMES],
-            _labels=parts[NAMES],
+            _layout=layout,
+            dimension=layout.n,
+            names=layout.names,
             _equations=parts.get(EQUATIONS),
         )
 
-    @cached_property
-    def _shown(self) -> Any:
-        return whole(self.names)
-
     @property
     def _shared(self) -> dict[str, Any]:
-        return {NAMES: self.names, EQUATIONS: self._equations}
+        return {LAYOUT: self._layout, EQUATIONS: self._equations}
 
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:
         if self.shape or not {float}.issuperset(map(type, parts.values())):
@@ -109,7 +106,7 @@ class Traced(Body):
     def _key(self) -> tuple[Any, ...]:
         arrays = [np.asarray(a, np.float64) for a in self._parts.values()]
         values = tuple((a.shape, *a.ravel().tolist()) for a in arrays)
-        return self.dimension, self._equations and self._equations.key, values
+        return self._layout.key, self._equations and self._equations.key, values
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -117,28 +114,28 @@ class Traced(Body):
         return Parameters({name: self._parts[name] for name in self._coordinates})
 
     # ------------------------------------------------------------------------------ values
-    def __call__(self, *x: Any, **parameters: Any) -> Any:
-        """Return f(x) (..., D) at states x (..., D)."""
+    def __call__(self, *x: Any, t: Any = None, **parameters: Any) -> Any:
+        """Return f(x) (..., D) at states x (..., D), and at time t if f takes the time."""
         if len(x) != 1 or parameters:
             values = ", ".join(f"{name}={short(value)}" for name, value in parameters.items())
             how = "lambda t, x: system(x), where t is passed too"
+            how = "lambda t, x: system(x, t=t)" if self._layout.has_time else how
             how = f"system.with_parameters({values})(x)" if parameters else how
             raise TypeError(f"system(x) takes the state alone: pass {how}")
         if isinstance(x[0], Symbols):
-            return self._traced_at(x[0])
-        found = self._value(checks.states("x", x[0], self.names))
-        # States of the engine, which are real, have real rates.
-        return found if np.shape(x[0])[-1:] == found.shape[-1:] else joined(self, found)
+            return self._traced_at(x[0], t)
+        layout = self._layout
+        return layout.leave(self._value(layout.enter("x", x[0], t, "t")))
 
     def _value(self, x: FloatArray) -> FloatArray:
-        """Return f(x) (..., D) at checked states."""
+        """Return f(x) (..., D) at states of the engine."""
         f, table = self._with_table
         if x.ndim == table.ndim == 1 and (one := by_code_if_often(f, "f", x, table)) is not None:
             return one
         return np.moveaxis(f.value(np.moveaxis(x, -1, 0), table), 0, -1)
 
     @public
-    def jacobian(self, x: Any) -> FloatArray:
+    def jacobian(self, x: Any, *, t: Any = None) -> FloatArray:
         """Return the exact derivative f'(x) of the right-hand side, or of the map.
 
         :func:`kahan.jacobian` is the derivative of a step of Kahan's map of a field.
@@ -147,12 +144,15 @@ class Traced(Body):
         ----------
         x : array_like(float, shape=(..., D))
             States, which broadcast with the batch of the system.
+        t : array_like(float, shape=(...)), optional
+            The time, if f takes it.
 
         Returns
         -------
         ndarray(float, shape=(..., D, D))
             The derivative of component i with respect to variable j at [..., i, j]. If f has
-            branches, as of ``np.where``, it is the derivative of the branch at x.
+            branches, as of ``np.where``, it is the derivative of the branch at x. A complex
+            variable z counts as two real ones, its parts.
 
         Examples
         --------
@@ -162,10 +162,11 @@ class Traced(Body):
         array([[ 5.,  2.],
                [-1.,  0.]])
         """
-        return self._slopes(checks.states("x", x, self.names))
+        slopes = self._slopes(self._layout.enter("x", x, t, "t"))
+        return slopes[..., :-1, :-1] if self._layout.has_time else slopes
 
     def _slopes(self, x: FloatArray) -> FloatArray:
-        """Return f'(x) (..., D, D) at checked states."""
+        """Return f'(x) (..., D, D) at states of the engine."""
         f, table = self._with_table
         if x.ndim == table.ndim == 1:
             entries = by_code_if_often(f, "derivative", x, table)
@@ -195,11 +196,11 @@ class Traced(Body):
         f = self._program.with_products
         return f, f.table_of(self._inputs)
 
-    def _traced_at(self, x: Symbols) -> Any:
-        """Return f(x) of symbols."""
-        tracer, D, equations = x[0].tracer, self.dimension, self._program
-        own = Tracer(self.names, ()).state
-        new = dict(enumerate(flat(tracer, own, x)))
+    def _traced_at(self, x: Symbols, t: Any) -> Any:
+        """Return f(x) of symbols, by default at the time of these symbols."""
+        tracer, layout, equations = x[0].tracer, self._layout, self._program
+        D, time = layout.D, tracer.time if t is None else t
+        new = dict(enumerate(components(tracer, layout, x, time)))
         given = tracer.real_parameters
         for k, (name, value) in enumerate(zip(equations.parameters, self._inputs, strict=True), D):
             if self.shape and name not in given:
@@ -207,12 +208,12 @@ class Traced(Body):
             new[k] = given[name].operand if name in given else float(value)
         program = Program(equations.values.operations, equations.results)
         symbols = [Symbol(tracer, a) for a in emitted(tracer.values, program, new)]
-        return Symbols.of([*joined_symbols(symbols, self.names).values()])
+        return Symbols.of(layout.joined(symbols, Complex.of))
 
     # ------------------------------------------------------------------------------ texts
     @property
     def _formulas(self) -> Iterator[str]:
-        return map(self._equations.shown, self._equations.results)
+        return map(self._equations.shown, self._equations.results[: self._layout.size])
 
     @property
     def _numbers(self) -> list[tuple[str, Any]]:
@@ -225,7 +226,7 @@ class Traced(Body):
             names = f"variables {' '.join(self.names)}" if is_named else f"D={self.dimension}"
             values = [summary(name, each) for name, each in self.parameters.items()]
             return f"<{kind}, a family of shape {self.shape}: {', '.join([names, *values])}>"
-        named = zip(self.names, self._formulas, strict=True)
+        named = zip(self._layout.parts, self._formulas, strict=True)
         # More rows than LONGEST // 4 do not fit.
         rows = [f"{a}{self._arrow} {formula}" for a, formula in islice(named, LONGEST // 4)]
         rows += [f"{name} = {value}" for name, value in self._numbers]
@@ -233,13 +234,13 @@ class Traced(Body):
 
     @public
     def to_dict(self) -> dict[str, Any]:
-        entries = {"body": type(self).__name__, "names": [*self.names], **self._described()}
+        entries = {"body": type(self).__name__, **self._layout.entries, **self._described()}
         return entries | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
 
     def _described(self) -> dict[str, Any]:
         """Return the entries of `to_dict` for f."""
         definitions, texts = self._equations.texts
-        count = self.dimension if self._equations.H is None else 1
+        count = self._layout.D if self._equations.H is None else 1
         sizes, rest = self._equations.sizes, iter(texts[count:])
         described = {"definitions": definitions} if definitions else {}
         described["equations"] = texts[:count]
@@ -249,39 +250,40 @@ class Traced(Body):
 
     @classmethod
     def _read(
-        cls, names: Any, equations: Any, definitions: Any = None, parameters: Any = None
+        cls,
+        names: Any,
+        equations: Any,
+        definitions: Any = None,
+        parameters: Any = None,
+        time: Any = None,
     ) -> Self:
-        names = variables(names)
-        if not isinstance(equations, (list, tuple)) or len(equations) != len(names):
-            raise wrong("equations", f"a list of {len(names)} texts", short(equations))
-        tracer, rows, given = operands_of_texts(names, equations, definitions, parameters)
-        return cls._of(parts_of(tracer, names, rows, given))
+        layout = layout_read(variables(names), time)
+        if not isinstance(equations, (list, tuple)) or len(equations) != layout.D:
+            raise wrong("equations", f"a list of {layout.D} texts", short(equations))
+        tracer, rows, given = operands_of_texts(layout, equations, definitions, parameters)
+        return cls._of(parts_of(tracer, rows, given))
 
 
 def parts_of(
-    tracer: Tracer,
-    names: Sequence[str],
-    rows: Sequence[Any],
-    values: Mapping[str, Any],
-    quantities: Any = None,
+    tracer: Tracer, rows: Sequence[Any], values: Mapping[str, Any], quantities: Any = None
 ) -> dict[str, Any]:
     """Return the parts of a field or map: operands `rows` are f, `values` are the parameters."""
-    ratios = tracer.ratios
+    layout, ratios = tracer.layout, tracer.ratios
     equations = Equations(
-        names, [*values], tracer.values, rows, ratios=ratios, quantities=quantities
+        layout.components, [*values], tracer.values, rows, ratios=ratios, quantities=quantities
     )
-    return {**values, NAMES: names, EQUATIONS: equations}
+    return {**values, LAYOUT: layout, EQUATIONS: equations}
 
 
 def operands_of_texts(
-    names: Sequence[str], rows: Sequence[Any], definitions: Any, parameters: Any
+    layout: Layout, rows: Sequence[Any], definitions: Any, parameters: Any
 ) -> tuple[Tracer, list[Any], dict[str, Any]]:
     """Return the tracer and the operands of the texts `rows`, and the checked parameters."""
     definitions, parameters = definitions or {}, parameters or {}
     checks.instance("parameters", parameters, Mapping)
     checks.instance("definitions", definitions, Mapping)
-    given = named_parameters(parameters, names)
-    tracer = Tracer(names, [*given])
+    given = named_parameters(parameters, layout.components)
+    tracer = Tracer(layout, [*given])
     known = tracer.known
     values = values_of([*definitions.items(), *enumerate(rows)], known, called_by_name)
     try:

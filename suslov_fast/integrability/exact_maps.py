@@ -114,9 +114,9 @@ def exact_map(system: Any, eps: Any, letters: Any) -> RationalMap:
         return rational_map(system, letters=letters)
     if letters is None:
         return system if isinstance(system, RationalMap) else kahan(system, eps)
-    names = checked_letters(system, letters)
+    names, system = checked_letters(system, letters), system._autonomous
     every = ["eps", *(name for name in names if name != "eps")]
-    gens = map(factored, polynomial_ring(system.dimension, every).gens())
+    gens = map(factored, polynomial_ring(system._layout.D, every).gens())
     symbols = {name: x for name, x in zip(every, gens, strict=False) if name in names}
     places = places_of_letters(system)
     given = {name: places[name][-1] for name in every[1:]}
@@ -172,7 +172,7 @@ def kahan(field: Any, /, eps: Any = None, *, letters: Any = None) -> KahanMap:
         raise wrong("eps", "a number", f"the symbol {eps}: {how}", TypeError)
     step = None if eps is None else constant("eps", eps)
     if isinstance(field, Field):
-        map = KahanMap(field, step)
+        map = KahanMap(field._autonomous, step)
     else:
         map = KahanMap(exact_body(field)._field, step, is_exact=True)
     _ = map.terms  # raises for a field that is not of degree 2

@@ -54,10 +54,10 @@ class KahanMap(RationalMap):
             raise TypeError("field: a KahanMap is made by kahan(field, eps)")
         self._is_exact = is_exact  # True if the field has no floats
         self.field, self.eps, self._sign = field, eps, sign
-        self.dimension, self.in_letters = field.dimension, in_letters
+        self.dimension, self.in_letters = field._layout.D, in_letters
         self.given = in_letters.given if in_letters else {}
         self.letters = ("eps",) * (eps is None) + (*self.given,)
-        self.names = checked_names(field.names)
+        self.names = checked_names(field._layout.components)
 
     @cached_property
     def terms(self) -> Terms:
@@ -85,7 +85,7 @@ class KahanMap(RationalMap):
         indices, rates = zip(*self.in_letters.rates.items(), strict=True)
         constants = np.array([c._with(numbers).constant for c in rates], object)
         terms = collected(np.array(indices).T, constants, self.dimension, 2)
-        return KahanMap(Field._of_terms(terms, self.field.names), eps, is_exact=True)
+        return KahanMap(Field._of_terms(terms, self.field._layout.components), eps, is_exact=True)
 
     def _at_numbers(self, values: Values) -> KahanMap:
         point = [*values[: len(self.letters)], *[0] * self.dimension]
@@ -120,10 +120,10 @@ class KahanMap(RationalMap):
             eps = "" if self._sign > 0 else ", eps=-eps"
             return f"kahan({self.field}{eps if self.eps is None else f', eps={self.eps}'})"
         x, (terms, common), equations = self.variables, self._rates, []
-        for i, name in enumerate(self.field.names):
+        for i, name in enumerate(self.field._layout.components):
             products = (v * x[j] * x[k] for (row, j, k), v in terms if row == i)
             rate = factored(sum(products, self.ring.constant(0))) / factored(common)
-            equations.append(f"{name}' = {rate.renamed(self.field.names)}")
+            equations.append(f"{name}' = {rate.renamed(self.field._layout.components)}")
         return f"Kahan map of {', '.join(equations)}"
 
     def __reduce__(self) -> Any:

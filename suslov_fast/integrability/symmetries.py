@@ -86,7 +86,8 @@ def reversors(map: KahanMap) -> tuple[list[Reversor], bool]:
             if reversor not in symmetries and reverses(reversor, map):
                 symmetries[reversor] = None
     ordered = sorted(symmetries, key=lambda reversor: (len(repr(reversor)), repr(reversor)))
-    return [replace(reversor, names=map.field.names) for reversor in ordered], in_families
+    names = map.field._layout.components
+    return [replace(reversor, names=names) for reversor in ordered], in_families
 
 
 def reverses(reversor: Reversor, map: KahanMap) -> bool:

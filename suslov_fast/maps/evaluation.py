@@ -26,6 +26,7 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
     """Check the arguments of a public function of a state; return its value by a `Formula`."""
     if formula.check:
         formula.check(body)
+    body = body._autonomous
     problem = check(map, body, omega, eps)
     with np.errstate(all="ignore"):
         values = in_parts(formula.compute, problem)
@@ -34,7 +35,7 @@ def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
     """Return compute(problem); large batches in parts, between which Python handles Ctrl-C."""
-    batch, D = problem.batch, problem.body.dimension
+    batch, D = problem.batch, problem.body._layout.D
     work, length = math.prod(batch) * D**2, max(batch, default=1)
     if work <= PART or length == 1:
         return compute(problem)

@@ -31,7 +31,7 @@ def by_scheme(body: Any, eps: Any, batch: tuple[int, ...], stages: Stages = WHOL
     indices, values = body._terms
     # For a single field the one row is made without `flat_parameter`, for speed in small calls.
     rows = flat_parameter(values, batch, 1) if body.shape else values[np.newaxis]
-    return scheme_of(indices, body.dimension, stages), rows, flat_parameter(eps, batch)
+    return scheme_of(indices, body._layout.D, stages), rows, flat_parameter(eps, batch)
 
 
 def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
@@ -76,4 +76,4 @@ def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
     """Return the constants of a single field, for `compiled`."""
     indices, values = body._terms
     halves = np.outer(stages.fractions, 0.5 * eps * values)
-    return system_of(indices, halves, body.dimension)
+    return system_of(indices, halves, body._layout.D)

@@ -53,15 +53,19 @@ def check(
     components: tuple[str, ...] | None = None,
     attitude: Any = False,
     method: str | None = None,
+    t0: Any = None,
 ) -> Problem:
     """Return a `Problem` of the checked arguments of a public function.
 
     States `omega` may be NaN; errors call them `name`. Their `components` have by default the names
-    that the body gives. `attitude` is False, or rotations, or True for the identity.
+    that the body gives. `attitude` is False, or rotations, or True for the identity;
+    `t0` is the hidden time of f.
     """
-    labels, turns = components or body._labels, None
-    name = name.replace("omega", body._variable)
-    omega = checks.states(name, omega, labels)
+    name, turns = name.replace("omega", body._variable), None
+    if components:
+        omega = checks.states(name, omega, components)
+    else:
+        omega = body._layout.enter(name, omega, t0)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
     of_eps = () if type(eps) is float else eps.shape
     shapes = {"system": body.shape, name: omega.shape[:-1], "eps": of_eps}

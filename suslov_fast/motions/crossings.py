@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
 from ..calls import Progress, thread_count
-from ..checks import StatesLike, integer, one_number, short, wrong
+from ..checks import Reals, StatesLike, integer, one_number, short, wrong
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
@@ -31,6 +31,7 @@ def crossings(
     surface: Any,
     *,
     time: float,
+    t0: Reals | None = None,
     rtol: float = RTOL,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
@@ -59,7 +60,7 @@ def crossings(
         One or more surfaces, each as in :class:`Event`: ``"z - 27"``, or ``lambda x: x[2] - 27``.
     time : float
         The time after the transient; negative backwards in time.
-    rtol, atol, max_step, stiff
+    t0, rtol, atol, max_step, stiff
         As in :func:`flow`.
     direction : {0, 1, -1} or {"both", "up", "down"}
         As in :class:`Event`.
@@ -111,7 +112,7 @@ def crossings(
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
     events = tuple(Event(each, direction=direction) for each in given)
-    x, batch = checked_starts(system, x0)
+    x, batch = checked_starts(system, x0, t0=t0)
     request = SolverRequest(
         np.array([abs(duration) + before]),
         -1 if duration < 0.0 else 1,

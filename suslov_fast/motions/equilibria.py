@@ -26,12 +26,11 @@ from ..checks import FloatArray, StatesLike, common_shape, first_index, short, s
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
 from ..fields.constraints import constraints_of, near_constraints
-from ..fields.field import starts_of, system_of
+from ..fields.field import system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..fields.names import labels
 from ..keywords import lacking, public
-from ..pairs import joined
 from ..results.result import place_in
 from ..status import Status
 from .tangent_spaces import tangent_basis, within
@@ -169,7 +168,8 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     Raises
     ------
     TypeError, ValueError
-        If an argument has the wrong type or shape, or is infinite.
+        If an argument has the wrong type or shape, or is infinite; or if f(t, x) reads the time:
+        :func:`periodic_orbit` follows a force.
 
     Warns
     -----
@@ -211,11 +211,11 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     (array([0.631354, 0.189406]), array([-1.923739,  0.155946]))
     """
     body: Any = system_of(system, near)
-    given = starts_of(body, near, "near")
     is_map = isinstance(body, Map)
-    field = body._displacement if is_map else body._field
+    field = body._displacement if is_map else body._field._autonomous
+    given = field._layout.enter("near", near)
     batch = common_shape({"system": field.shape, "near": given.shape[:-1]})
-    x = np.array(np.broadcast_to(given, (*batch, field.dimension)))
+    x = np.array(np.broadcast_to(given, (*batch, field._layout.D)))
     with np.errstate(all="ignore"):
         x = near_constraints(field, x)
         has_line = np.zeros(batch, bool)
@@ -223,13 +223,13 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
             has_line = np.broadcast_to(~np.isnan(line).any(axis=-1), batch)
             x = np.where(has_line[..., np.newaxis], _on_line(line, x), x)
         equations = _Equations(field, x)
-        has_value = np.isfinite(field(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
+        has_value = np.isfinite(field._value(x)).all(axis=-1) & np.isfinite(x).all(axis=-1)
         y, is_found, is_degenerate, is_family = _found(equations, has_value & ~has_line)
         y = np.where(has_line[..., np.newaxis], equations.start, y)
         is_found = np.where(has_line, has_value, is_found)
         is_degenerate, is_family = is_degenerate & ~has_line, is_family & ~has_line
         x = np.where(is_found[..., np.newaxis], equations.whole(y), np.nan)
-        slopes = field.jacobian(x)[..., equations.moving, :][..., equations.moving]
+        slopes = field._slopes(x)[..., equations.moving, :][..., equations.moving]
         slopes = equations.on_constraints(x, slopes)
         values = _eigenvalues(slopes, is_map)
         others = _eigenvalues(equations.without_totals(slopes, is_map), is_map)
@@ -264,11 +264,11 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     tell(is_degenerate & ~is_family, "lead to a multiple root, as at a fold, with 7 digits")
     clocks = {clock for _, f, _ in field._listed_right_hand_sides for clock in f.clocks}
     if clocks:
-        name = field._labels[min(clocks)]
+        name = field._layout.components[min(clocks)]
         how = f"which has a constant rate: {name} was held at its start"
         warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
     kind = np.where(is_found, kind, "")
-    return Equilibria(joined(body, x), values, status, attracts & is_found, kind)
+    return Equilibria(body._layout.leave(x), values, status, attracts & is_found, kind)
 
 
 def _kinds(values: Any, rounding: Any, is_map: bool) -> tuple[NDArray[np.str_], Any]:
@@ -316,7 +316,7 @@ class _Equations:
         self.constraints: Any = constraints_of(field)
         steady = [{*f.steady} for _, f, _ in field._listed_right_hand_sides]
         left_out = [*set.intersection(*steady)] if steady else []
-        self.moving = ~np.isin(np.arange(field.dimension), left_out) if moving is None else moving
+        self.moving = ~np.isin(np.arange(field._layout.D), left_out) if moving is None else moving
         self.start = x[..., self.moving]
         self.totals = self._all_totals() if totals is None else totals
         self.is_total: Any = self.totals.any(axis=-1)
@@ -361,15 +361,15 @@ class _Equations:
         """Return the residual (..., k) of the variables y (..., k), which is 0 at equilibria."""
         if self.constraints:
             residuals, _, basis = self._of_constraints(self.whole(y))
-            rates = self.field(self.whole(y))[..., self.moving, np.newaxis]
+            rates = self.field._value(self.whole(y))[..., self.moving, np.newaxis]
             along = (np.swapaxes(basis, -2, -1) @ rates)[..., 0]
             return np.concatenate([along, residuals], axis=-1)
         away = (self.totals @ (y - self.start)[..., np.newaxis])[..., 0]
-        return np.where(self.is_total, away, self.field(self.whole(y))[..., self.moving])
+        return np.where(self.is_total, away, self.field._value(self.whole(y))[..., self.moving])
 
     def slopes(self, y: FloatArray) -> FloatArray:
         """Return the derivative (..., k, k) of the residual with respect to the variables y."""
-        slopes = self.field.jacobian(self.whole(y))[..., self.moving, :][..., self.moving]
+        slopes = self.field._slopes(self.whole(y))[..., self.moving, :][..., self.moving]
         if self.constraints:
             _, rows, basis = self._of_constraints(self.whole(y))
             return np.concatenate([np.swapaxes(basis, -2, -1) @ slopes, rows], axis=-2)

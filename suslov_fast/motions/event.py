@@ -19,8 +19,9 @@ from ..core.hybrid.event_formulas import EventAction, KeyedProgram, read_by
 from ..fields import trace
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
+from ..fields.layout import Layout
 from ..fields.names import TIME
-from ..fields.symbolic import Tracer
+from ..fields.symbolic import Tracer, components
 from ..keywords import public, public_class
 from ..results.result import read_only
 
@@ -219,9 +220,10 @@ class Event:
 
 def traced(event: Event, system: Any) -> TracedEvent:
     """Return the `TracedEvent` of an event for the component and parameter names of a field."""
-    key = system.names, system._coordinates
+    layout = system._layout
+    key = layout.components, layout.has_time, system._coordinates
     if key not in event._traced:
-        event._traced[key] = TracedEvent(event, *key)
+        event._traced[key] = TracedEvent(event, layout, system._coordinates)
     return event._traced[key]
 
 
@@ -282,17 +284,13 @@ def _check_surface(surface: Any) -> None:
 
 
 class TracedEvent:
-    """An event with its functions as expressions, in these names of components and parameters."""
+    """An event with its functions as expressions, in these names of variables and parameters."""
 
-    def __init__(self, event: Event, names: tuple[str, ...], parameters: tuple[str, ...]) -> None:
-        self.event, self.names, self.tracer = event, names, Tracer(names, parameters)
+    def __init__(self, event: Event, layout: Layout, parameters: tuple[str, ...]) -> None:
+        self.event, self.layout, self.tracer = event, layout, Tracer(layout, parameters)
         kept = {"surface": event.surface, "to": event.to} | event._kept
         self.surface = None if event.surface is None else self._surface(kept["surface"])
         self.to = None if event.to is None else self._results("to", kept["to"])
-        if self.to is not None and len(self.to) != len(names):
-            how = f"to={(*names[:-1], f'-{names[-1]}/2')} changes {names[-1]} alone"
-            expected = f"{len(names)} texts, one for each component"
-            raise wrong("to", expected, f"{len(self.to)}: {how}")
         most = math.inf if event.most is None else float(event.most)
         values = self.tracer.values
         at = None if self.surface is None else KeyedProgram.of(values, [self.surface])
@@ -301,8 +299,10 @@ class TracedEvent:
 
     def _surface(self, surface: Any) -> Any:
         """Return a surface, a function or text, as an operand; ValueError if it reads no state."""
-        if isinstance(surface, str) and surface.isidentifier() and surface not in self.names:
-            expected = f"a function of the state, or the name of a component, {either(self.names)}"
+        known = *self.layout.names, *self.layout.components
+        if isinstance(surface, str) and surface.isidentifier() and surface not in known:
+            names = either(self.layout.components)
+            expected = f"a function of the state, or the name of a component, {names}"
             raise wrong("surface", expected, short(surface))
         (operand,) = self._results("surface", surface)
         name, of = self.tracer.values.of.get(operand, ("", ()))
@@ -310,7 +310,7 @@ class TracedEvent:
             received = f"{self.tracer.text(operand)}: pass the difference that changes its sign"
             raise wrong("surface", _ON_SURFACE, received, TypeError)
         read = read_by(KeyedProgram.of(self.tracer.values, [operand]), [operand])
-        if not any(a < len(self.names) for a in read):
+        if not any(a < self.layout.D for a in read):
             how = f"it is {self.tracer.text(operand)}: Event(times=[...]) acts at given times"
             raise ValueError(f"surface: it must depend on the state, {how}")
         return operand
@@ -327,21 +327,28 @@ class TracedEvent:
             has = either([*self.tracer.parameters] or ["none"])
             received = f"one of {others[0]!r}: the system has {has}"
             raise wrong(argument, expected, received, TypeError)
-        trace.check_function(argument, f, self.names, dict.fromkeys(known, 1.0))
-        given = argument, trace.taking(f, known), self.names, self.tracer.parameters
-        return trace.operands_of_function(*given, self.tracer)[1]
+        trace.check_function(argument, f, self.layout.names, dict.fromkeys(known, 1.0))
+        return trace.operands_of_function(argument, trace.taking(f, known), self.tracer)
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
         """Return formulas, given as texts, as operands; messages name `argument`."""
-        tracer = self.tracer
-        known = tracer.known
+        tracer, known, layout = self.tracer, self.tracer.known, self.layout
+        if argument == "to" and len(texts) not in (layout.n, layout.size):
+            names = layout.parts
+            how = f"to={(*names[:-1], f'-{names[-1]}/2')} changes {names[-1]} alone"
+            expected = f"{len(names)} texts, one for each component"
+            raise wrong("to", expected, f"{len(texts)}: {how}")
         each = [*self.event._definitions.items(), *enumerate(texts)]
         try:
             values = values_of(each, known, trace.called_by_name)
-            return [tracer.result(values[k]) for k in range(len(texts))]
+            found = [values[k] for k in range(len(texts))]
+            if argument == "to" and len(found) == layout.n:
+                return components(tracer, layout, found, tracer.time)
+            found += [tracer.time] * (argument == "to" and layout.has_time)  # of parts
+            return [*map(tracer.result, found)]
         except (TypeError, ValueError) as error:
-            names = either(tracer.names)
-            raise ValueError(f"{argument}: {error}; names of this system are {names}") from None
+            of = either(tracer.names)
+            raise ValueError(f"{argument}: {error}; names of this system are {of}") from None
 
     @cached_property
     def text(self) -> Event:
@@ -350,7 +357,7 @@ class TracedEvent:
         results = [*surfaces, *(self.to or ())]
         definitions, texts = written(self.tracer.values, results, self.tracer.names)
         surface = texts[0] if surfaces else None
-        to = None if self.to is None else texts[len(surfaces) :]
+        to = None if self.to is None else texts[len(surfaces) :][: self.layout.size]
         text = replace(event, surface=surface, to=to)
         vars(text)["_definitions"] = definitions
         return text

@@ -18,7 +18,6 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..fields.html import html_table
-from ..pairs import joined
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
@@ -132,7 +131,7 @@ class Events(Result):
     def derivatives(self) -> dict[str, EventDerivatives]:
         """The derivatives of times and states by name, "x0" or a parameter."""
         columns = self._time_by, self._before_by, self._states_by
-        D = self.body.dimension
+        D = self.body._layout.size
         return Derivatives.of(
             self._by, D, lambda at: EventDerivatives(*(a[..., at].copy() for a in columns))
         )
@@ -263,10 +262,10 @@ def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
         if not np.count_nonzero(is_on):
             continue
         with np.errstate(all="ignore"):
-            rates, sizes = field(x), abs(x).max(axis=-1, keepdims=True)
+            rates, sizes = field._value(x), abs(x).max(axis=-1, keepdims=True)
             h = _NEAR * np.where(sizes > 0, sizes, 1.0) / abs(rates).max(axis=-1, keepdims=True)
             middle = x + h * rates
-            nearby = x - h * rates, middle, x + 2.0 * h * field(middle)
+            nearby = x - h * rates, middle, x + 2.0 * h * field._value(middle)
             before, after, later = (_surface_at(field, action.surface, y) for y in nearby)
         sizes = abs(after + before) + abs(later)
         is_at_rest = is_on & (abs(after - before) <= _EVEN * sizes)
@@ -291,6 +290,10 @@ def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> E
     """Return `Records` of the engine as `Events`, with the numbers of events in the user's list."""
     columns = {each.name: getattr(records, each.name.lstrip("_")) for each in OF_EVENTS}
     columns["which"] = np.array(in_order_of_code(events), np.int64)[records.which]
+    layout = motion.body._layout
+    columns |= {k: layout.leave(columns[k]) for k in ("before", "states")}
+    if motion._by:
+        columns |= {k: layout.leave_rows(columns[k]) for k in ("_before_by", "_states_by")}
     return events_of(columns, events, motion)
 
 
@@ -300,7 +303,6 @@ def events_of(columns: dict[str, Any], events: tuple[Event, ...], motion: Any) -
     numbers = columns["trajectory"] * C + columns["which"]
     # If numbers in a file are out of range, `bincount` or `reshape` raises a ValueError.
     count = np.bincount(numbers, minlength=status.size * C).reshape(*status.shape, C)
-    columns = columns | {k: joined(motion.body, columns[k]) for k in ("before", "states")}
     final = np.full(motion.states.shape[1:], np.nan, motion.states.dtype)
     if len(motion.time):
         final[...] = motion.states[-1]

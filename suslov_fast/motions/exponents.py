@@ -46,6 +46,7 @@ def lyapunov_exponents(
     *,
     time: float | None = None,
     rtol: float = motion_arguments.RTOL,
+    t0: Reals | None = None,
     events: Event | Sequence[Event] | None = (),
     method: Method = "auto",
     threads: int | None = None,
@@ -78,6 +79,8 @@ def lyapunov_exponents(
         The time to average over, positive, in place of eps and steps.
     rtol : float
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
+    t0
+        With `time`, as in :func:`flow`.
     events : Event or sequence of Event
         With `time`, events without `terminal` and `most`, see :class:`Event`. Tangent vectors
         change with the state, and with the time at which the state meets a surface.
@@ -126,6 +129,7 @@ def lyapunov_exponents(
         eps, steps = eps_and_steps("lyapunov_exponents", body, eps, steps)
     others = {"method": method, "rtol": rtol, "events": events}
     if not motion_arguments.either_map_or_motion("lyapunov_exponents", eps, steps, time, **others):
+        body = body._autonomous
         checked = check(map_of(body, method), body, x0, eps, threads, method=method, name="x0")
         return _of_map(checked, integer("steps", steps, 1), transient, progress)
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
@@ -137,7 +141,7 @@ def lyapunov_exponents(
         received = "terminal or most, with which a trajectory ends"
         raise wrong("events", "those with which trajectories go on", received)
     acting = tuple(each for each in acting if each.to is not None)
-    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
+    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting), t0)
     actions = actions_of(body._field, acting)
     event_times = event_times_of(acting, 1, batch) if actions else None
     count = threads_for(len(x), thread_count(threads))
@@ -161,7 +165,7 @@ def _of_map(problem: Problem, steps: int, transient: Any, progress: Progress) ->
         sums = found.sums
     sums[np.isnan(sums).any(axis=1)] = np.nan
     means = -np.sort(-sums / max(found.steps, 1), axis=1)
-    exponents = means.reshape(*problem.batch, problem.body.dimension) / length
+    exponents = means.reshape(*problem.batch, problem.body._layout.D) / length
     report_poles(
         problem,
         found.status.reshape(problem.batch),

@@ -21,7 +21,6 @@ from ..fields.right_hand_sides import with_events
 from ..keywords import public
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
-from ..pairs import joined
 from ..results.result import read_only
 from . import motion_arguments
 from .event import Event
@@ -40,6 +39,7 @@ def flow(
     /,
     *,
     time: Reals,
+    t0: Reals | None = None,
     rtol: float = 1e-9,
     atol: ArrayLike | None = None,
     max_step: float | None = None,
@@ -68,9 +68,9 @@ def flow(
         components by name.
     time : array_like(float, shape=() or (n,))
         Times counted from x0, in any order; all 0 or later, or all 0 or earlier. ``time=[5, 6]``
-        is 5 and 6 after x0, not an interval. A number is one time, n = 1. If the equations depend
-        on time, make time a variable t with the rate 1, and put its initial value into x0:
-        ``Field(lambda s: (-s[0] + np.cos(s[1]), 1.0), "x t")``.
+        is 5 and 6 after x0, not an interval. A number is one time, n = 1.
+    t0 : array_like(float, shape=(...)), optional
+        If f takes the time, as f(t, y): the time t at x0, by default 0.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. In each step the estimated error of a component
         stays below `rtol` times its size. The size is the largest absolute value that it has had on
@@ -149,9 +149,9 @@ def flow(
     request = motion_arguments.request_of(time, settings, threads)
     times, sign = request.times, request.sign
     names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
-    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting))
+    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting), t0)
     if isinstance(body, Field):
-        motion_arguments.warn_of_times(body, x, times, x0)
+        motion_arguments.warn_of_times(body, x, times, t0)
         if sign > 0 and body._tables_of_time:
             motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))
     if acting:
@@ -169,14 +169,19 @@ def solved(
     events: tuple[Event, ...],
 ) -> Motion:
     """Return the motion from x (B, D), differentiated with respect to `names`; warn if it ends."""
-    times, settings = request.times, request.settings
+    system, times, settings = body, request.times, request.settings
+    if isinstance(body, Field) and _is_idle(body, events):
+        system, x = body._autonomous, np.ascontiguousarray(x[:, :-1])
+        if isinstance(settings.atol, tuple):
+            settings = settings._replace(atol=settings.atol[:-1])
+            request = request._replace(settings=settings)
     actions: tuple[EventAction, ...] = ()
     event_times, at_rest = None, (None, None)
     if events:
-        actions = actions_of(body._field, events)
+        actions = actions_of(system._field, events)
         event_times = event_times_of(events, request.sign, batch)
         if request.sign > 0:
-            at_rest = starts_at_rest(body._field, events, x.reshape(*batch, x.shape[1]))
+            at_rest = starts_at_rest(system._field, events, x.reshape(*batch, x.shape[1]))
     total = len(times) * math.prod(batch)
     with reporter(progress, total) as report:
         if report is not None or events:
@@ -184,18 +189,18 @@ def solved(
             others = request.threads, report, event_times, request.most, request.since
             request = SolverRequest(times, request.sign, settings, *others)
         if names:
-            result = with_derivatives(body._field, x, batch, names, request, actions)
+            result = with_derivatives(system._field, x, batch, names, request, actions)
         elif events:
-            groups = with_events(body._field, actions)
-            result = to_tolerance(groups, body._field.shape, x, batch, request)
+            groups = with_events(system._field, actions)
+            result = to_tolerance(groups, system._field.shape, x, batch, request)
         else:
-            result = motion_of(body, x, batch, request)
+            result = motion_of(system, x, batch, request)
         phases: dict[str, Any] = {}
         is_clear = result.ends is None and at_rest[0] is None  # as in most calls
         if not is_clear and len(where := are_stuck(result, at_rest[0])):
-            part = Sliding(body._field, x, batch, where, request, events)
+            part = Sliding(system._field, x, batch, where, request, events)
             result, phases = part.continued(result, names, at_rest)
-        warn_of_changes(body, x, batch, result.states, times)
+        warn_of_changes(system, x, batch, result.states, times)
         if report is not None and total and not result.is_stopped:
             # The engine may report less: it counts equal times once, and no states after an end.
             report(total)
@@ -212,7 +217,7 @@ def solved(
         status, again = (a.reshape(batch) for a in (result.ends.status, result.ends.repeated))
         end = np.where(status, result.ends.t.reshape(batch), last)
     arrays = {
-        "states": joined(body, result.states.reshape((len(times), *batch, x.shape[1]))),
+        "states": body._layout.leave(result.states.reshape((len(times), *batch, x.shape[1]))),
         "time": times,
         "status": status,
         "end": end,
@@ -220,11 +225,13 @@ def solved(
     }
     if names:
         shape = len(times), *batch, *result.derivatives.shape[2:]
-        arrays["_derivatives"] = result.derivatives.reshape(shape)
+        arrays["_derivatives"] = body._layout.leave_rows(result.derivatives.reshape(shape))
     for name, column in result.columns.items():
         arrays[name] = column.reshape(batch)
     motion = Motion._of(arrays)
     vars(motion).update(_named(settings), body=body, _by=names)
+    if isinstance(settings.atol, tuple):
+        vars(motion)["atol"] = body._layout.leave_atol(settings.atol)
     if phases:
         vars(motion).update(phases)
     if events:
@@ -232,6 +239,14 @@ def solved(
     else:
         vars(motion)["events"] = None
     return motion
+
+
+def _is_idle(field: Field, events: tuple[Event, ...]) -> bool:
+    """Return True if a field has a hidden time that neither f nor an event reads."""
+    layout = field._layout
+    if not layout.has_time or field._is_forced:
+        return False
+    return not any(layout.size in action.read() for action in actions_of(field, events))
 
 
 _named = lru_cache(64)(Settings._asdict)

@@ -18,8 +18,9 @@ from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..core.hybrid.sliding import SlidingEquations
 from ..fields.equations import Equations
 from ..fields.field import Field
+from ..fields.layout import Layout
 from ..fields.right_hand_sides import with_events
-from ..fields.traced import EQUATIONS, NAMES
+from ..fields.traced import EQUATIONS, LAYOUT
 from ..results.result import read_only
 from ..status import Status
 from .actions_on_constraints import action_of
@@ -76,7 +77,7 @@ class Sliding:
         parts = dict(field.parameters)
         if field.shape:
             parts = {n: np.broadcast_to(a, batch).ravel()[where] for n, a in field._arrays.items()}
-        self.field = Field._of({**parts, NAMES: equations.names, EQUATIONS: equations})
+        self.field = Field._of({**parts, LAYOUT: Layout(equations.names), EQUATIONS: equations})
         self.D = x.shape[1]
         self.starts = np.concatenate([x[where], np.ones((len(where), size))], axis=1)
         if self.modes.has_clock:
@@ -115,8 +116,9 @@ class Sliding:
         kept = None
         if names:
             part = with_derivatives(field, self.starts, K, names, self.request, self.actions)
-            of_modes = slice(D, self.starts.shape[1]) if "x0" in names else ()
-            kept = np.delete(np.arange(part.derivatives.shape[-1]), of_modes)
+            size = self.system._layout.size
+            others = slice(size, self.starts.shape[1]) if "x0" in names else ()  # time, modes
+            kept = np.delete(np.arange(part.derivatives.shape[-1]), others)
             part = part._replace(derivatives=part.derivatives[..., :D, kept])
         else:
             groups = with_events(field, self.actions)

@@ -128,7 +128,7 @@ class Motion(States):
     @property
     def derivatives(self) -> dict[str, FloatArray]:
         """The derivatives of the states by name, "x0" or a parameter."""
-        of_columns, D = self._derivatives, self.body.dimension
+        of_columns, D = self._derivatives, self.body._layout.size
         return Derivatives.of(self._by, D, lambda at: np.ascontiguousarray(of_columns[..., at]))
 
     @property

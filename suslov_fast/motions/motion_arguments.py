@@ -16,7 +16,7 @@ from ..core.expressions.projection import OFF, ROUNDING
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
 from ..fields.constraints import constraints_of
-from ..fields.field import starts_of
+from ..fields.layout import Layout
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
@@ -91,23 +91,25 @@ def checked_settings(system: Any, *given: Any) -> Settings:
     """Return `Settings` from the values of their fields, after checks; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # `_field` raises for a `Map`
     if [*map(type, given)] == _RTOL_ALONE:
-        return _settings(given, 0)  # cached, for speed; the dimension matters only for atol
-    return _settings.__wrapped__(given, system.dimension)
+        return _settings(given, None)  # cached, for speed; the layout matters only for atol
+    return _settings.__wrapped__(given, system._layout)
 
 
 @functools.lru_cache(64)
-def _settings(values: tuple[Any, ...], D: int) -> Settings:
+def _settings(values: tuple[Any, ...], layout: Layout | None) -> Settings:
     settings = Settings(*values)
     rtol, atol, stiff = checks.real_number("rtol", settings.rtol), settings.atol, settings.stiff
     if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
         raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(settings.rtol))
     if atol is not None:
         atol = checks.real_number("atol", atol)
-        if not isinstance(atol, float) and atol.shape != (D,):
-            raise wrong("atol", f"a number, or {D}, one for each component", f"{atol.shape}")
+        if not isinstance(atol, float) and (layout is None or atol.shape != (layout.n,)):
+            n = layout and layout.n
+            raise wrong("atol", f"a number, or {n}, one for each component", f"{atol.shape}")
         if np.min(atol) < 0.0:
             raise wrong("atol", "0 or more", short(float(np.min(atol))))
-        atol = atol if isinstance(atol, float) else tuple(atol.tolist())
+        if layout is not None and not isinstance(atol, float):
+            atol = layout.atol(tuple(atol.tolist()))
     if settings.max_step is not None:
         settings = settings._replace(max_step=checks.positive("max_step", settings.max_step))
     if stiff is not None and not isinstance(stiff, (bool, np.bool_)):
@@ -148,13 +150,14 @@ def _at_one_time(time: float, settings: Settings) -> SolverRequest:
 
 
 def checked_starts(
-    system: Any, x0: Any, others: tuple[int, ...] = ()
+    system: Any, x0: Any, others: tuple[int, ...] = (), t0: Any = None
 ) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return initial states (B, D) and the batch shape; `others` is the batch of event times.
+    """Return initial states (B, D) of the engine, and the batch shape.
 
-    ValueError if states violate constraints of the system.
+    `others` is the batch of event times; `t0` is the hidden time of the start. ValueError if states
+    violate constraints of the system.
     """
-    x = starts_of(system, x0)
+    x = system._layout.enter("x0", x0, t0)
     check_constraints(system, x)
     if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
         return x[np.newaxis], ()
@@ -163,11 +166,11 @@ def checked_starts(
 
 
 def check_constraints(field: Any, x: FloatArray) -> None:
-    """Raise ValueError if initial states (..., D) violate constraints of mechanics."""
+    """Raise ValueError if states of the engine (..., D) violate constraints of mechanics."""
     if constraints_of(field) is None or not (x.size and math.prod(field.shape)):
         return
-    errors = abs(field.residuals(x))
-    matrix = field._quantity("matrix", x)
+    errors = abs(field._quantity_at("residuals", x))
+    matrix = field._quantity_at("matrix", x)
     matrix = matrix.reshape(*matrix.shape[:-1], field._equations.sizes["multipliers"], -1)
     with np.errstate(all="ignore"):
         rows = matrix / np.linalg.norm(matrix, axis=-1, keepdims=True)
@@ -177,7 +180,7 @@ def check_constraints(field: Any, x: FloatArray) -> None:
         at = f" at {spell(where)}" if where else ""
         how = "reactions have no value there: leave out constraints that follow from others"
         raise wrong("x0", "a state with independent constraints", f"a singular one{at}: {how}")
-    sizes = field._quantity("sizes", x)
+    sizes = field._quantity_at("sizes", x)
     least = ROUNDING * sizes.max(axis=-1, keepdims=True)
     bad = (errors > np.maximum(OFF * sizes, least)).any(axis=-1)
     if bad.any():
@@ -188,20 +191,19 @@ def check_constraints(field: Any, x: FloatArray) -> None:
         raise wrong("x0", "on the constraints", f"off by {errors[where]:.3g}{at}: {how}")
 
 
-def warn_of_times(field: Any, x: FloatArray, times: FloatArray, x0: Any = None) -> None:
-    """Warn if the first time equals a time variable in x0, because times count from x0."""
+def warn_of_times(field: Any, x: FloatArray, times: FloatArray, t0: Any = None) -> None:
+    """Warn if the first time may be the time at x0, because times count from x0."""
     if len(times) < 2 or times[0] == 0.0 or not len(x):
         return
     first = float(times[0])
-    given = "t" in x0 if isinstance(x0, Mapping) else np.shape(x0)[-1:] == (len(field._shown),)
-    if field._has_clock and not given:
-        checks.warn(
-            f"times count from x0, where t is 0: if x0 is the state at t = {first:g}, add "
-            f"{first:g} to its end, and pass time - {first:g}; else add 0"
-        )
     for clock in field._right_hand_sides[0][1].clocks:
-        if (x[:, clock] == first).all():
-            name = field._labels[clock]
+        name = field._layout.components[clock]
+        if t0 is None and clock == field._layout.size:
+            checks.warn(
+                f"times count from x0, where t is 0: if x0 is the state at t = {first:g}, pass "
+                f"t0={first:g}, and time - {first:g}; else t0=0"
+            )
+        elif (x[:, clock] == first).all():
             checks.warn(
                 f"times count from x0, where {name} is {first:g}: pass time - {first:g} if these "
                 f"are values of {name}"
@@ -211,12 +213,13 @@ def warn_of_times(field: Any, x: FloatArray, times: FloatArray, x0: Any = None) 
 def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
     """Warn if times from x0 to `last` are all before or after a table of values over time."""
     for clock, first, end in field._tables_of_time:
-        t, name = x[:, clock], field._labels[clock]
+        t, name = x[:, clock], field._layout.components[clock]
         if len(t) and ((t >= end).all() or (t + last <= first).all()):
             low, high = t.min(), t.max() + last
+            start = "t0" if clock == field._layout.size else f"{name} in x0"
             checks.warn(
                 f"np.interp: its table is from {first:g} to {end:g}, and {name} from {low:g} to "
-                f"{high:g}, where it is constant: the last component of x0 is the time in the table"
+                f"{high:g}, where it is constant: {start} is the time in the table"
             )
 
 

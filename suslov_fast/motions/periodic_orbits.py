@@ -15,11 +15,10 @@ from ..core.expressions.linear_terms import coefficients
 from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
 from ..fields.constraints import constraints_of
-from ..fields.field import Field, starts_of, system_of
+from ..fields.field import Field, system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..keywords import lacking, public
-from ..pairs import joined
 from .event import Event
 from .events import checked_events
 from .kept_integrals import has_integrals, warn_of_changes
@@ -87,6 +86,7 @@ def periodic_orbit(
     period: float | None = None,
     *,
     rtol: float = 1e-12,
+    t0: float | None = None,
     events: Event | Sequence[Event] | None = (),
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and its Floquet multipliers.
@@ -112,6 +112,8 @@ def periodic_orbit(
         the force; it stays fixed.
     rtol : float
         The relative tolerance of :func:`flow`.
+    t0 : float, optional
+        If f takes the time, as f(t, y): the time t at the state, by default 0.
     events : Event or sequence of Event
         Events on surfaces, see :class:`Event`, for cycles that bounce, walk or spike. The returned
         state lies between two events.
@@ -162,7 +164,7 @@ def periodic_orbit(
     if any(event.times is not None for event in acting):
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
-    x = _checked_start(body, x0)
+    x = _checked_start(body, x0, t0)
     settings = checked_settings(body, rtol)
     field = body._field
     motion = FieldFlow(field, x, settings, acting)
@@ -179,14 +181,14 @@ def periodic_orbit(
         looks = search.T * _LOOKS
         states = motion.states(orbit.state, looks)[:, np.newaxis] if has_integrals(field) else None
         warn_of_changes(field, orbit.state[np.newaxis], (), states, looks)
-        orbit = orbit._replace(state=joined(body, orbit.state))
+        orbit = orbit._replace(state=body._layout.leave(orbit.state))
         if not (orbit.stable or motion.is_forced):  # attractors, forced orbits may be far from x0
             _warn_of_distance(search, x)
     return orbit
 
 
-def _checked_start(system: Any, x0: Any) -> FloatArray:
-    x = starts_of(system, x0)
+def _checked_start(system: Any, x0: Any, t0: Any) -> FloatArray:
+    x = system._layout.enter("x0", x0, t0)
     if system.shape or x.ndim > 1:
         expected = f"called with a single {type(system).__name__} and state"
         received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"
@@ -208,29 +210,33 @@ def _checked_period(
             raise wrong("period", expected, period)
         return T
     if motion.is_forced:
-        name = field.names[motion.clocks[0]]
+        name = field._layout.components[motion.clocks[0]]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
     rough = FieldFlow(field, x, Settings(max(motion.settings.rtol, _ROUGH)), events)
     near, last = near_return(rough, x)
     if near is not None:
         return near
-    start = f"x0 = {short(x.tolist())}"
+    start = f"x0 = {_text(field, x)}"
     if not motion.rate[~motion.drifts].any():
         raise NoConvergence(f"periodic_orbit: {start} is an equilibrium")
     if (rest := _rest(field, motion, x, last)) is not None:
-        found = f"the motion from {start} falls to the equilibrium {short(rest.tolist())}"
+        found = f"the motion from {start} falls to the equilibrium {_text(field, rest)}"
         raise NoConvergence(f"periodic_orbit: {found}: pass an x0 nearer to an orbit")
     found = f"the motion from {start} does not return near it until t = {last:g}"
     how = "an x0 nearer to it, as flow(system, x0, time=T).final is if the orbit attracts"
     raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {how}")
 
 
+def _text(field: Any, x: FloatArray) -> str:
+    return short(field._layout.leave(x).tolist())
+
+
 def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArray | None:
     """Return the state if the motion from x is at rest at the time `last`, else None."""
     moving = ~motion.drifts
     end = motion.states(x, [last])[0]
-    rate = abs(field(end))[moving].max()
+    rate = abs(field._value(end))[moving].max()
     # At this rate `end` would move, until the time 2 `last`, by a small part of its way from x.
     is_at_rest = rate * last <= _AT_REST * abs(end - x)[moving].max()
     return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
@@ -238,7 +244,7 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
     """Return what a search from the period `given` found in place of an orbit, or None."""
-    state, least = short(search.nodes[0].tolist()), _AT_REST * search.largest
+    state, least = _text(search.flow.field, search.nodes[0]), _AT_REST * search.largest
     rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # per period
     if rate <= least and not search.flow.is_forced:  # the orbit does not move
         if rate * max(given / search.T, 1.0) <= least:

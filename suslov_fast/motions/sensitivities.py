@@ -30,8 +30,8 @@ def with_derivatives(
     actions: tuple[EventAction, ...],
 ) -> SolverResult:
     """Return the motion from states x (B, D) with derivatives with respect to `names`."""
-    B, D = x.shape
-    by_starts, parameters = D * ("x0" in names), tuple(name for name in names if name != "x0")
+    (B, D), parameters = x.shape, tuple(name for name in names if name != "x0")
+    by_starts = field._layout.size * ("x0" in names)  # not by a hidden time
     C = by_starts + len(parameters)
     values = [np.broadcast_to(field._arrays[name], field.shape) for name in parameters]
     sizes = [_power_of_2(value) for value in values]
@@ -39,8 +39,9 @@ def with_derivatives(
     starts[:, :D] = x
     if by_starts:
         of_starts = _power_of_2(abs(x).max(axis=1))[:, np.newaxis]
-        scales[:, :D] = of_starts
-        starts[:, D : D * (1 + D)] = (of_starts[..., np.newaxis] * np.eye(D)).reshape(B, D * D)
+        scales[:, :by_starts] = of_starts
+        columns = of_starts[..., np.newaxis] * np.eye(by_starts, D)
+        starts[:, D : D * (1 + by_starts)] = columns.reshape(B, by_starts * D)
     for k, size in enumerate(sizes, by_starts):
         scales[:, k] = flat_arrays(size[..., np.newaxis], batch)[:, 0]
     groups = []

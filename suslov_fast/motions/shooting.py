@@ -77,7 +77,7 @@ class FieldFlow:
         self._actions = actions_of(field, events)
         self._event_times = event_times_of(events, 1, ()) if events else None
         [(_, f, _)] = self._groups = with_events(field, self._actions)
-        self.rate = field(start)
+        self.rate = field._value(start)
         changed = {i for action in self._actions for i in components_of(action)}
         self.drifts = np.isin(np.arange(f.D), [i for i in f.steady if i not in changed])
         read = {*f.clocks}.union(*(action.read() for action in self._actions))
@@ -144,7 +144,7 @@ class Shooting:
         self.moving = np.flatnonzero(~flow.drifts)
         ends, slopes = flow.arcs(nodes, T / len(nodes))
         self.slopes = slopes[:, self.moving][:, :, self.moving]
-        self.rates = flow.field(ends)[:, self.moving] * (T / len(nodes))
+        self.rates = flow.field._value(ends)[:, self.moving] * (T / len(nodes))
         self.gaps = (ends - np.roll(nodes, -1, axis=0))[:, self.moving]
         self.units = sizes[self.moving]
         largest = float(abs(nodes[:, self.moving]).max(initial=0.0))
@@ -229,7 +229,7 @@ class Shooting:
         right = right.ravel()
         if self.flow.keeps_phase and not self.flow.is_forced:
             row = np.zeros((1, matrix.shape[1]))
-            rate = self.flow.field(self.nodes[0])[self.moving] / self.units
+            rate = self.flow.field._value(self.nodes[0])[self.moving] / self.units
             fastest = abs(rate).argmax()
             kept = np.eye(len(rate))[fastest] if bases is None else bases[0, fastest]
             row[0, :count] = _STRONG * kept

@@ -82,7 +82,7 @@ def exponents_of(
     changed = {i for action in actions for i in components_of(action)}
     drifting = [{*f.steady} - changed for _, f, _ in groups]
     left_out = [*set.intersection(*drifting)] if groups else []
-    moving = np.setdiff1d(np.arange(field.dimension), left_out)
+    moving = np.setdiff1d(np.arange(field._layout.D), left_out)
     constraints = constraints_of(field)
     spaces = TangentSpaces(field, constraints, batch, moving) if constraints else None
     count = spaces.size if spaces else len(moving)

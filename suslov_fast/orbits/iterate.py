@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,7 +14,6 @@ from ..keywords import public
 from ..maps.batch import BatchRun
 from ..maps.map_records import Method, eps_and_steps, eps_of, map_of
 from ..maps.problem import check
-from ..pairs import joined
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
 from .trajectories import Trajectories
 
@@ -24,6 +25,7 @@ def step(
     /,
     eps: Reals | None = None,
     *,
+    t0: Reals | None = None,
     method: Method = "auto",
     threads: int | None = None,
 ) -> FloatArray:
@@ -39,7 +41,7 @@ def step(
         As in :func:`iterate`.
     x : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body.
-    eps, method, threads
+    eps, t0, method, threads
         As in :func:`iterate`.
 
     Returns
@@ -67,16 +69,16 @@ def step(
     array([1. , 0.5])
     """
     map = map_of(system, method)
-    problem = check(map, system, x, eps_of("step", system, eps), threads, method=method)
+    problem = check(map, system, x, eps_of("step", system, eps), threads, method=method, t0=t0)
     batch_run = BatchRun(problem)
     if (after := batch_run.of_one()) is not None:
-        return joined(system, after)
+        return system._layout.leave(after)
     batch_run.to(1)
     if np.count_nonzero(batch_run.status):
         # `step` reports neither passed poles nor given states with NaN, which fail at step 0.
         batch_run.status[(batch_run.status > 0) | (batch_run.failed_at == 0)] = 0
         report_failures(batch_run, batch_run, "warn")
-    return joined(system, batch_run.final)
+    return system._layout.leave(batch_run.final)
 
 
 @public
@@ -87,6 +89,7 @@ def iterate(
     eps: Reals | None = None,
     steps: int | None = None,
     *,
+    t0: Reals | None = None,
     save_every: int | None = 1,
     method: Method = "auto",
     attitude: bool | ArrayLike = False,
@@ -116,6 +119,8 @@ def iterate(
         size runs backwards in time, with the inverse map.
     steps : int
         Number of steps, 0 or more. For a `Map` it may be the third argument.
+    t0 : array_like(float, shape=(...)), optional
+        As in :func:`flow`.
     save_every : int or None
         k, to save the states 0, k, 2k, ... up to `steps`; or None, to save only the last state.
     method : str
@@ -172,23 +177,25 @@ def iterate(
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     steps = integer("steps", steps, 0, "the number of steps, an integer of 0 or more")
-    problem = check(map, system, x0, eps, threads, name="omega0", attitude=attitude, method=method)
+    others: Any = {"attitude": attitude, "method": method, "t0": t0}
+    problem = check(map, system, x0, eps, threads, name="omega0", **others)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
     batch_run = BatchRun(problem)
     one_of("on_singular", on_singular, ON_SINGULAR)
     with reporter(progress, steps) as report:
         saved, turns = batch_run.to(steps, save_every or 0, report=report)
+    layout = problem.body._layout
     run = Trajectories._of(
         {
-            "states": joined(problem.body, saved),
+            "states": layout.leave(saved),
             "eps": problem.eps,
             "body": problem.body,
             "map": problem.map,
             "status": batch_run.status,
             "failed_at": batch_run.failed_at,
             "first_pole": batch_run.first_pole,
-            "final": joined(problem.body, batch_run.final),
+            "final": layout.leave(batch_run.final),
             "method": method,
             "steps": batch_run.n,  # fewer, if `progress` ended the run
             "save_every": save_every,

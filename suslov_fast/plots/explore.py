@@ -13,7 +13,6 @@ import numpy as np
 from .. import checks
 from ..bodies.systems import AnyBody, MapOrField
 from ..checks import FloatArray
-from ..fields.field import starts_of
 from ..keywords import public
 from ..motions.flow import flow
 from ..orbits.iterate import iterate
@@ -47,7 +46,8 @@ class Page:
 
     def __init__(self, system: Any, x0: FloatArray, options: dict[str, float]) -> None:
         self.system, self.x0, self.options = system, x0.tolist(), options
-        self.names = [*map(str, system._labels)]
+        self.layout = system._layout
+        self.names = [*map(str, self.layout.parts)]
         self.parameters = {
             name: self._of_parameter(name, np.asarray(values, float))
             for name, values in system._arrays.items()
@@ -76,7 +76,8 @@ class Page:
             components = [next(left) for _ in parts]
             parameters[name] = components if self.system._axes.get(name) else components[0]
         options = {name: next(left) for name in self.options}
-        system, x0 = self.system, [*left, *self.x0[_MOST:]]
+        system = self.system
+        x0 = self.layout.leave(np.array([*left, *self.x0[_MOST:]]))
         if isinstance(system, AnyBody):
             system = type(system)(**parameters)
         elif parameters:
@@ -93,7 +94,8 @@ class Page:
                 run = self.run(values)
             except Exception as error:
                 return dict.fromkeys("txy", ()), "", str(error)
-        columns = run.time, *(run.states[:, self.names.index(name)] for name in pair)
+        parts = self.layout.of_parts(run.states)
+        columns = run.time, *(parts[:, self.names.index(name)] for name in pair)
         text = " ".join(str(each.message) for each in caught) or Status(int(run.status)).message
         return dict(zip("txy", columns, strict=True)), str(run.body), text
 
@@ -214,9 +216,11 @@ def explore(
     """
     checks.extra("bokeh", "explore")
     checks.instance("system", system, MapOrField)
-    D = system.dimension
+    layout, D = system._layout, system._layout.size
     of_map = (eps, steps) != (None, None)
-    start = 1.0 / np.arange(1.0, D + 1.0) if x0 is None else starts_of(system, x0)
+    start = 1.0 / np.arange(1.0, D + 1.0)
+    if x0 is not None:
+        start = layout.of_parts(layout.states("x0", x0))
     if start.shape != (D,):
         raise checks.wrong("x0", f"have the shape ({D},)", start.shape)
     if of_map and time is not None:

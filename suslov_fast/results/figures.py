@@ -56,7 +56,7 @@ def plot_run(
     refuse_unknown("plot", others, type(run).plot)
     given = dict(normalize_kwargs(given, Line2D))
     color = given.pop("color", color)
-    components = ("time", [*run.body._labels]) if components == ("time",) else components
+    components = ("time", [*run.body._layout.parts]) if components == ("time",) else components
     if lists := [each for each in components if isinstance(each, (list, tuple))]:
         before = [*components[: components.index(lists[0])]]
         for k, name in enumerate(lists[0]):  # each name has a colour
@@ -67,7 +67,8 @@ def plot_run(
         return ax
     chosen, B = _components(run, components), math.prod(run.status.shape)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
-    columns = [times_of(run) if k == _TIME else run.states[..., k] for k in chosen]
+    parts = run.body._layout.of_parts(run.states)
+    columns = [times_of(run) if k == _TIME else parts[..., k] for k in chosen]
     states = np.stack(columns, axis=-1).reshape(len(run.states), B, len(chosen))
     if lines is None:
         lines = len(states) * B <= _MANY and _are_near(states, chosen)
@@ -105,7 +106,7 @@ def plot_run(
         if 0.0 < np.max(extents) <= _EQUAL * np.min(extents):
             limits = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
             axes.set_box_aspect(np.ptp(limits, axis=1), zoom=_ZOOM)
-    labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
+    labels = ["$t$" if k == _TIME else _symbol(str(run.body._layout.parts[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
     if axes.get_legend_handles_labels()[1]:
         # The best place takes seconds to find among many points.
@@ -115,7 +116,7 @@ def plot_run(
 
 def _components(run: Any, components: Sequence[Any]) -> list[int]:
     """Return the indices of two or three components, given by index or label, or _TIME."""
-    names = [*run.body._labels, "time"]
+    names = [*run.body._layout.parts, "time"]
     components = ["time" if k == "t" and "t" not in names else k for k in components]
     if len(components) == 1:
         components = ("time", *components)

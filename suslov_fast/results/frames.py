@@ -38,7 +38,7 @@ def to_xarray(run: Any, batch: Sequence[str] | None = None) -> Any:
         variables["n"] = "n", run.n, {"long_name": "number of steps"}
         variables |= {} if has_eps else {"time": ("n", run.time, {"long_name": "time"})}
     # Strings of variable length, because Zarr format 3 has none of fixed length.
-    variables["component"] = "component", np.array(body._shown, object)
+    variables["component"] = "component", np.array(body._layout.names, object)
     coordinates = [*body._coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
         variable = xarray.Variable((*batch, *("component",) * (array.ndim - count)), array)
@@ -104,7 +104,7 @@ def table(result: Any) -> Any:
         states = result.states
     else:
         columns, states = _of_runs(result)
-    for name, column in zip(result.body._shown, states.T, strict=True):
+    for name, column in zip(result.body._layout.names, states.T, strict=True):
         columns[f"{name}_" if name in columns else name] = column
     return extra("pandas", "xarray").DataFrame(columns)
 
@@ -120,5 +120,5 @@ def _of_runs(run: Any) -> tuple[dict[str, Any], FloatArray]:
     columns["time"] = np.moveaxis(times_of(run), 0, -1).ravel()
     for name, values in varying_numbers(run).items():
         columns[name] = np.repeat(np.broadcast_to(values, batch).ravel(), N)
-    states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body._shown))
+    states = np.moveaxis(run.states, 0, -2).reshape(-1, len(run.body._layout.names))
     return columns, states

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, short, warn, wrong
 from ..keywords import lacking, public
-from ..pairs import of_parts
 from .schema import OF_KIND
 
 if TYPE_CHECKING:
@@ -71,7 +70,8 @@ class Result:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the components of a state."""
-        return tuple(self.body._shown)
+        names: tuple[str, ...] = self.body._layout.names
+        return names
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
@@ -80,7 +80,7 @@ class Result:
             if "body" not in vars(self):
                 raise AttributeError(name)
             here = ""
-            labels = {label.lower(): label for label in self.body._shown}
+            labels = {label.lower(): label for label in self.body._layout.names}
             plain = name.lower().replace("_", "")
             if plain in labels:
                 here = f"run[{labels[plain]!r}], or run.states for all"
@@ -94,7 +94,7 @@ class Result:
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return a component of the states by its name."""
-        labels = self.body._shown
+        labels = self.body._layout.names
         if not isinstance(name, str):
             named = f"[{short(name)}] must be the name of one component, such as [{labels[0]!r}]"
             raise TypeError(f"{named}: use {self._by_number}")
@@ -272,8 +272,8 @@ class States(Result):
         count = len(self.states)
         if count < 3 and self.status.size == 1 and "map" not in vars(self):
             warn(f"the motion has states at {count} times: pass time=np.linspace(0, T, 201)")
-        run, chosen = of_parts(self, names or (0, 1))
-        return figures.plot_run(run, chosen, lines, color, ax, label, style)
+        chosen = self.body._layout.drawn(names or (0, 1))
+        return figures.plot_run(self, chosen, lines, color, ax, label, style)
 
     @public
     def member(self, k: int | tuple[int, ...], /) -> Self:

@@ -75,15 +75,15 @@ class Equations:
 
     @cached_property
     def read_last(self) -> bool:
-        """True if another component depends on the last one."""
+        """True if another component, or a quantity, depends on the last one."""
         D = len(self.names) - 1
-        values, rows = in_order(self.products[0], self.products[1][:D])
+        values, rows = in_order(self.products[0], [*self.products[1][:D], *self._others])
         used = [*rows, *(a for _, _, of in values.operations for a in of)]
         return any(type(a) is int and a == D for a in used)
 
     @cached_property
     def without_last(self) -> Equations:
-        """The same equations without the last component, on which no other depends."""
+        """The same equations without the last component, on which nothing else depends."""
         D, count = len(self.names) - 1, len(self.names) + len(self.parameters) - 1
         old, rows = in_order(self.products[0], [*self.products[1][:D], *self._others])
         new = {k: k - (k > D) for k in range(count + 1)}

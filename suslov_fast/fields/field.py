@@ -540,8 +540,8 @@ class Field(Traced):
         ----------
         *integrals : callable
             Functions of the state, and of parameters by name, that are constant along each motion;
-            each returns one value or several. By default the energy. Integrals that the field
-            keeps already stay.
+            each returns one value or several. If f takes the time, they may, too. By default the
+            energy. Integrals that the field keeps already stay.
 
         Returns
         -------
@@ -575,7 +575,7 @@ class Field(Traced):
     # ------------------------------------------------------------------------------ motion
     @property
     def _is_forced(self) -> bool:
-        """True if f reads its hidden time."""
+        """True if f, or an integral that the field keeps, reads the hidden time."""
         return self._layout.has_time and self._equations.read_last
 
     @cached_property

@@ -74,7 +74,7 @@ def _inverse(matrix: Any) -> list[list[float]]:
     D = len(matrix)
     both = np.hstack([matrix, np.eye(D)])
     for k in range(D):
-        pivot = k + abs(both[k:, k]).argmax()
+        pivot = k + int(abs(both[k:, k]).argmax())
         both[[k, pivot]] = both[[pivot, k]]
         both[k] /= both[k, k]
         others = np.arange(D) != k

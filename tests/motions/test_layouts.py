@@ -411,6 +411,57 @@ def test_conserved_and_subsystems_with_time():
     close(flow(part, [0.0], time=3.0).states[0], flow(field, [1, 0, 0], time=3.0).states[0, 2:])
 
 
+def test_integrals_of_complex_variables():
+    field = Field(
+        lambda t, z, k: (-1j * k * (1 + np.cos(t)) * z[0], z[0] - z[1]), "z w", complex=True, k=1.3
+    )
+    kept = field.conserving(lambda z: abs(z[0]) ** 2)
+    assert kept == kept.conserving(lambda z: z[0].real ** 2 + z[0].imag ** 2) != field
+    assert kept == pickle.loads(pickle.dumps(kept)) == Field.from_dict(kept.to_dict())
+    motion = flow(kept, [0.6 + 0.8j, 0.1], time=[10.0, 100.0], rtol=1e-6, t0=0.5)
+    np.testing.assert_allclose(abs(motion["z"]), 1.0, rtol=1e-15)
+    part = kept.subsystem("z")
+    assert part.names == ("z",)
+    states = flow(part, [0.6 + 0.8j], time=[10.0, 100.0], t0=0.5).states
+    angles = 1.3 * (motion.time + np.sin(0.5 + motion.time) - np.sin(0.5))
+    close(states[:, 0], (0.6 + 0.8j) * np.exp(-1j * angles))
+    np.testing.assert_allclose(abs(states), 1.0, rtol=1e-15)
+    with pytest.raises(TypeError, match="is complex"):
+        field.conserving(lambda z: z[0] ** 2)
+    with pytest.raises(ValueError, match="function 0 changes along the motion"):
+        field.conserving(lambda z: abs(z[1]) ** 2)
+
+
+def test_integrals_that_read_the_time():
+    """The state in a turning frame is constant, which fixes a state, though f reads no time."""
+    field = Field(lambda t, y, k: (k * y[1], -k * y[0]), "x v", k=[1.0, 2.0])
+
+    def turned(t, y, k):
+        c, s = np.cos(k * t), np.sin(k * t)
+        return y[0] * c - y[1] * s, y[0] * s + y[1] * c
+
+    kept = field.conserving(turned)
+    assert Field.from_dict(kept[0].to_dict()) == kept[0]
+    motion = flow(kept, [1.0, 0.5], time=[10.0, 100.0], rtol=1e-3, t0=3.0)
+    t = motion.time[:, np.newaxis] * kept.parameters["k"]
+    exact = np.stack([np.cos(t) + 0.5 * np.sin(t), 0.5 * np.cos(t) - np.sin(t)], -1)
+    np.testing.assert_allclose(motion.states, exact, atol=1e-13)
+    with pytest.raises(TypeError, match="does not read the time"):
+        equilibria(kept, [0.1, 0.2])
+
+
+def test_integrals_that_change_at_a_time():
+    field = Field(lambda t, y, c: (y[1], -y[0] + np.where(t > 8, c * y[1], 0)), "x v", c=0.02)
+    kept = field.conserving(lambda y: y[0] ** 2 + y[1] ** 2)
+    flow(kept, [1.0, 0.0], time=7.0)  # no warning
+    flow(kept.with_parameters(c=0.0), [1.0, 0.0], time=9.0)
+    with pytest.warns(UserWarning, match=r"in 1 of 2 solutions \(first: trajectory 1 at t = 2\)"):
+        flow(kept, [1.0, 0.0], time=[0.0, 2.0], t0=[0.0, 7.0])
+    for function, *surface in ((crossings, "x"), (lyapunov_exponents,)):
+        with pytest.warns(UserWarning, match="function 0 changes along f"):
+            function(kept, [1.0, 0.5], *surface, time=1.0, t0=9.0)
+
+
 def test_an_unread_time_changes_no_bits():
     plain = Field(lambda y, k: (y[1], -k * np.sin(y[0])), "x v", k=[1.0, 2.0])
     idle = Field(lambda t, y, k: plain(y), "x v", k=[1.0, 2.0])

@@ -337,6 +337,39 @@ def test_tilted_rod_bounces_as_newton_says():
     assert_allclose(motion.energy()[-1], free.energy(exact.final), rtol=1e-8)
 
 
+def test_a_forced_body_at_a_wall_is_that_of_the_angle():
+    """The force and the restitution depend on time, which is hidden in the system of the angle."""
+    forced = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1],
+        "x y",
+        constraints=lambda q, v: q @ q - 1,
+        forces=lambda q, v, t: [0.9 * cos(2 * t) - 0.1 * v[0], -0.1 * v[1]],
+    )
+    angle = Field(
+        lambda t, y: (y[1], -sin(y[0]) - 0.1 * y[1] + 0.9 * cos(2 * t) * cos(y[0])), "a w"
+    )
+    rest = lambda t: 0.7 + 0.2 * sin(t)  # noqa: E731
+    wall = Event(
+        lambda x: x[0] - sin(0.3),
+        to=lambda x: (x[0], x[1], -rest(x[4]) * x[2], x[3], x[4]),
+        direction="down",
+    )
+    exact = Event(lambda y: y[0] - 0.3, lambda t, y: (y[0], -rest(t) * y[1]), direction="down")
+    times = np.linspace(0.0, 10.0, 6)
+    motion = flow(forced, [*at(1.0), 0.5], time=times, events=wall)
+    same = flow(angle, [1.0, 0.0], time=times, events=exact, t0=0.5)
+    assert_allclose(motion.events.time, same.events.time, rtol=1e-7)
+    assert_allclose(motion.states[:, :4], np.array(at(*same.states.T)).T, atol=1e-7)
+    assert_allclose(motion.residuals(), 0, atol=1e-14)
+    assert len(same.events.time) > 2
+    found = crossings(forced, [*at(1.0), 0.5], lambda x: x[0], time=20.0)
+    assert_allclose(
+        found.time, crossings(angle, [1.0, 0.0], "a", time=20.0, t0=0.5).time, rtol=1e-7
+    )
+    with pytest.raises(TypeError, match="t0 must be left out"):
+        flow(forced, [*at(1.0), 0.5], time=times, t0=0.5)
+
+
 def test_an_impulse_in_a_moving_frame():
     """A sleigh: the impulse (0, 1, 0) without its part along the constraint (0, 1, -0.3)."""
     algebra = np.zeros((3, 3, 3))

@@ -8,6 +8,7 @@ import math
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 from operator import attrgetter
@@ -159,8 +160,11 @@ def test_page(path, folder, tmp_path, monkeypatch):
     matplotlib.use("Agg")
     plt.close("all")
     monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)  # parallel loops take long to compile
-    monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
+    start = folder if path.parent.name == "howto" else tmp_path / "start"
+    start.mkdir(exist_ok=True)
+    before = shutil.copytree(start, tmp_path / "before")  # a page does not overwrite its files
     for seed in PROCESSORS:
+        monkeypatch.chdir(start if seed is None else shutil.copytree(before, tmp_path / str(seed)))
         plt.close("all")
         names = {"__name__": "__main__"}
         with other_last_digits(seed) as called:

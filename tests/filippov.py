@@ -93,8 +93,11 @@ def _ending(f, s, slopes, modes, g, upper):
     return event
 
 
-def solution(f, s, x, time, most=400, rtol=1e-11, atol=1e-13):
-    """Return the state at the last time, and the list of changes (time, surface, mode)."""
+def solution(f, s, x, time, most=400, rtol=1e-11, atol=1e-13, max_step=0.1):
+    """Return the state at the last time, and the list of changes (time, surface, mode).
+
+    SciPy misses two crossings within one step, so `max_step` bounds the steps.
+    """
     x, t, changes = np.array(x, float), 0.0, []
 
     def slopes(x):  # by a complex step
@@ -111,7 +114,7 @@ def solution(f, s, x, time, most=400, rtol=1e-11, atol=1e-13):
         events = [_ending(f, s, slopes, modes, *end) for end in ends]
         run = solve_ivp(
             lambda _, x, own=modes: rates(f, slopes, x, own)[0], (t, time), x,
-            method="DOP853", rtol=rtol, atol=atol, events=events, max_step=0.1,
+            method="DOP853", rtol=rtol, atol=atol, events=events, max_step=max_step,
         )  # fmt: skip
         t, x = run.t[-1], run.y[:, -1]
         if run.status == 0:

@@ -29,11 +29,11 @@ class Family:
 
         self.field = Field(right, names, **self.parameters)
 
-    def right(self, k):
+    def right(self, k, max_step):
         """Return the reference's last state of case k."""
         p = {name: float(values[k]) for name, values in self.parameters.items()}
         f, surfaces = lambda x, m: self.f(x, m, **p), lambda x: self.surfaces(x, **p)
-        return solution(f, surfaces, self.starts[k], self.time)[0]
+        return solution(f, surfaces, self.starts[k], self.time, max_step=max_step)[0]
 
 
 def _network(x, m, **p):
@@ -175,13 +175,16 @@ def checked(family, cases, rtol=1e-9, stiff=None):
     right = 0
     for k in cases:
         try:
-            expected = family.right(k)
+            expected = family.right(k, max_step=0.1)
         except Undecided:
             continue
         if motion.status[k] == Status.SLIDING:
             continue
         assert motion.status[k] == Status.OK
-        np.testing.assert_allclose(motion.final[k], expected, atol=max(1e-7, 1e3 * rtol))
+        tolerance = {"rtol": 1e-7, "atol": max(1e-7, 1e3 * rtol)}
+        if not np.allclose(motion.final[k], expected, **tolerance):
+            expected = family.right(k, max_step=0.01)  # the reference may have missed crossings
+        np.testing.assert_allclose(motion.final[k], expected, **tolerance)
         right += 1
     return right
 

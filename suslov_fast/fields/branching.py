@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ..core.expressions.function_records import same
-from .symbolic import Symbol, Tracer, Untraceable, asked
+from .symbols import Symbol, Untraceable, asked
+from .tracer import Tracer
 
 MOST = 64  # the most paths, and the most decisions on one of them
 # Comparisons of a value a with a constant c, by whether a comes first: whether a is below a cut

@@ -15,7 +15,7 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import Expressions, Program, emitted, in_order, needed_for
 from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
-from .symbolic import Tracer
+from .tracer import Tracer
 
 LONGEST = 300  # the most characters of a shortened formula, as in `repr`
 

@@ -23,10 +23,10 @@ from .mass import parted, rates
 from .names import TIME, check_for_map, laid_out, variables
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
-from .symbolic import Tracer
 from .terms import Terms, texts_of, without_zeros
 from .trace import Timed, check_callable, check_function, operands_of_function, timed
 from .traced import EQUATIONS, INDICES, LAYOUT, VALUES, Traced, operands_of_texts, parts_of
+from .tracer import Tracer
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 

@@ -12,8 +12,8 @@ from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import in_order, program_of
 from .equations import Equations
-from .symbolic import Tracer
 from .trace import operands_of_function, taken, taking, timed
+from .tracer import Tracer
 
 _SAMPLES, _LEAST = 24, 1e-9  # random states; the largest dI/dt of first integrals, of its terms
 

@@ -24,8 +24,9 @@ from ..core.expressions.programs import program_of
 from .layout import layout_of
 from .mass import Samples, solved
 from .names import TIME, variables
-from .symbolic import Symbol, Symbols, Tracer
+from .symbols import Symbol, Symbols
 from .trace import check_callable, operands_of_function, taken
+from .tracer import Tracer
 
 _SAMPLES = 24  # random states at which M is tested
 _LEAST = 1e-13  # least eigenvalue of a positive definite M with 1 on its diagonal

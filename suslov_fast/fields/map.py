@@ -18,9 +18,9 @@ from .exact_numbers import named_parameters
 from .field import Field
 from .layout import split_values
 from .names import TIME, check_for_map, laid_out
-from .symbolic import Tracer
 from .trace import check_function, operands_of_function
 from .traced import EQUATIONS, LAYOUT, Traced, parts_of
+from .tracer import Tracer
 
 
 @public_class

@@ -17,8 +17,9 @@ import numpy as np
 
 from ..checks import real_array, wrong
 from ..core.expressions.numpy_evaluation import evaluate
-from .symbolic import Symbol, Tracer
+from .symbols import Symbol
 from .trace import check_function, operands_of_function, taken, taking
+from .tracer import Tracer
 
 _LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is below this
 # A difference counts as 0 if it is below _CANCELLED times its terms' moduli in a fraction _MOST or

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .symbolic import MAKERS, Symbol, Symbols, Untraceable, interpolated
+from .symbols import MAKERS, Symbol, Symbols, Untraceable, interpolated
 
 _OF_MATH = {
     "fabs": "abs", "pow": "power", "asin": "arcsin", "acos": "arccos", "atan": "arctan",

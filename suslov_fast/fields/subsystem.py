@@ -11,7 +11,7 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
 from .equations import Equations
 from .layout import Layout
-from .symbolic import Tracer
+from .tracer import Tracer
 
 _SAMPLES = 24  # random states at which dependence is tested
 

@@ -13,11 +13,12 @@ import numpy as np
 from ..checks import OF_SYMBOLS, arguments_of, either, short, signature_of, wrong
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import STEPS, answer
-from . import symbolic
+from . import symbols
 from .branching import along_all_paths
 from .names import OF_TIME, TIME
 from .script_functions import as_in_scripts
-from .symbolic import TABLES, Symbol, Symbols, Tracer, Untraceable, components
+from .symbols import TABLES, Symbol, Symbols, Untraceable
+from .tracer import Tracer, components
 
 _FAILURES = TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
@@ -136,7 +137,7 @@ def called(
     try:
         plain = getattr(f, "py_func", f)  # if Numba compiled f
         within = as_in_scripts(plain) if as_script else nullcontext()
-        return symbolic.called_with_symbols(plain, state.copy(), within, **parameters)
+        return symbols.called_with_symbols(plain, state.copy(), within, **parameters)
     except _FAILURES as error:
         text = " ".join((str(error) or repr(error)).split()).replace(
             "'Symbols' object", "the state of symbols"
@@ -145,7 +146,7 @@ def called(
         if "Cannot cast" in text:  # a part of a message of NumPy
             text = "a function that is no formula needs numbers"
         if not isinstance(error, (Untraceable, ArithmeticError)) and OF_SYMBOLS not in text:
-            symbols = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
+            of_state = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
             how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
             if "enough dimensions" in text or "not subscriptable" in text:
                 text = "a number is used as an array"
@@ -155,7 +156,7 @@ def called(
                 how = f"write {STEPS} for values[k] from knots[k] on"
             elif "the state of symbols has no" in text:
                 how = f"write x[0] for a component, and {TABLES}"
-            text += f": it is called with {len(state)} symbols, {symbols}: {how}"
+            text += f": it is called with {len(state)} symbols, {of_state}: {how}"
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         raise kind(f"{argument}: {text}") from error
 
@@ -194,13 +195,13 @@ def _parts(argument: str, result: Any, D: int) -> Any:
 
 def operands_of_function(argument: str, f: Any, tracer: Tracer) -> list[Any]:
     """Return the operands of f, of [H], or of M by rows, in the list of the tracer."""
-    before = symbolic.MADE.count
+    before = symbols.MADE.count
     try:
         return _by_two_calls(argument, f, tracer, False)
     except (TypeError, ValueError):
         pass
     rows = _by_two_calls(argument, f, tracer, True)
-    symbolic.MADE.count = before  # so that a function that makes this field is no suspect
+    symbols.MADE.count = before  # so that a function that makes this field is no suspect
     return rows
 
 
@@ -241,7 +242,7 @@ def _by_one_call(argument: str, f: Any, tracer: Tracer, as_script: bool) -> list
 def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
     """Return the value of a function in the text of an equation."""
     if name == "interp":
-        return symbolic.interpolated(*arguments)
+        return symbols.interpolated(*arguments)
     function = OTHER_NAMES.get(name, name)
     record = FUNCTIONS.get(function)
     if record is None or record.sign or len(arguments) != record.operands:
@@ -249,5 +250,5 @@ def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
     if any(isinstance(a, tuple) for a in arguments):
         raise ValueError(f"equations: {name} takes numbers")
     with np.errstate(all="ignore"):
-        value = symbolic.applied(function, *arguments)
+        value = symbols.applied(function, *arguments)
     return value if isinstance(value, (Symbol, np.ndarray)) else float(value)

@@ -16,14 +16,16 @@ from ..core.cached import cached_property
 from ..core.expressions.programs import Program, emitted
 from ..keywords import public
 from .base import Body, Parameters, frozen, summary
+from .complex_symbols import Complex
 from .equation_text import values_of
 from .equations import LONGEST, Equations
 from .exact_numbers import named_parameters, numbers_by_name, to_lists
 from .layout import Layout, layout_read, split_values
 from .names import labels, variables
 from .right_hand_sides import by_code_if_often
-from .symbolic import Complex, Symbol, Symbols, Tracer, components
+from .symbols import Symbol, Symbols
 from .trace import called_by_name
+from .tracer import Tracer, components
 
 # Keys of the parts of a field or map other than its parameters. They contain spaces, because a
 # parameter can have any name that Python accepts.

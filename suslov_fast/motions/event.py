@@ -21,7 +21,7 @@ from ..fields.base import Body
 from ..fields.equation_text import values_of, written
 from ..fields.layout import Layout
 from ..fields.names import TIME
-from ..fields.symbolic import Tracer, components
+from ..fields.tracer import Tracer, components
 from ..keywords import public, public_class
 from ..results.result import read_only
 

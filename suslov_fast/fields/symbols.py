@@ -12,23 +12,15 @@ import math
 import operator
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from fractions import Fraction
-from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import OF_SYMBOLS, short
 from ..core.expressions.dense_product import ENTRY, DenseMatrix, is_large
-from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
-from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
-from ..core.expressions.programs import Expressions
+from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import OF_ARRAYS, STEPS
-from .complex_rules import RULES, TO_REAL
-from .equation_text import brief
-from .layout import Layout, layout_of
 
 TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
 
@@ -48,152 +40,13 @@ class Untraceable(TypeError):
         MADE.count += 1  # f may catch the error, and would return a wrong formula
 
 
-_OF_EARLIER = "f keeps symbols of an earlier call: compute all from x"
-
-
-class Tracer:
-    """The symbols with which a function is called, and the list of its operations."""
-
-    def __init__(
-        self, layout: Layout, parameters: Sequence[str], has_products: bool = False
-    ) -> None:
-        self.layout, self.has_products = layout, has_products
-        self.names = (*layout.components, *parameters)
-        self.D, count = layout.D, len(self.names)
-        self.values = Expressions(count, range(self.D, count))
-        self.real_parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
-        of = layout_of(tuple(parameters))
-        values = of.joined([*self.real_parameters.values()], Complex.of)
-        self.parameters = dict(zip(of.names, values, strict=True))
-        self.squares: dict[int, Any] = {}  # {operand of a modulus: operand of its square}
-        self.ratios: dict[float, Fraction] = {}  # {nearest float: fraction that is no float}
-        self.other = ""  # why symbols of this tracer cannot be used beside those of others
-        self.decide: Callable[[Symbol], bool] | None = None  # see `branching`
-
-    @property
-    def state(self) -> Symbols:
-        """The symbols of the variables; not stored, as garbage collection misses such arrays."""
-        parts = [Symbol(self, i) for i in range(self.layout.size)]
-        return Symbols.of(self.layout.joined(parts, Complex.of))
-
-    @property
-    def time(self) -> Symbol:
-        """The symbol of the hidden time; if there is none, a symbol that cannot be used."""
-        if self.layout.has_time:
-            return Symbol(self, self.D - 1)
-        alone = Tracer(layout_of((), True), ())
-        alone.other = "f of this system takes no time, which this function reads"
-        return alone.time
-
-    @property
-    def known(self) -> dict[str, Symbol]:
-        """The symbols by name, for texts: of complex variables z, also z.real and z.imag."""
-        real = {name: Symbol(self, i) for i, name in enumerate(self.names)}
-        return real | dict(zip(self.layout.names, self.state, strict=True)) | self.parameters
-
-    def is_truth(self, operand: Any) -> bool:
-        """Return True if an operand is a truth value of the list."""
-        of: Mapping[Any, Any] = self.values.of
-        return bool(type(operand) is int and of.get(operand, ("",))[0] in OF_TRUTH_VALUES)
-
-    def operand(self, value: Any) -> Any:
-        """Return the operand of a symbol or a number; True and False stay as they are."""
-        if isinstance(value, Symbol):
-            if value.tracer is not self:
-                raise Untraceable(self.other or value.tracer.other or _OF_EARLIER)
-            return value.operand
-        if isinstance(value, (bool, np.bool_)):
-            return bool(value)
-        operand = constant(value)
-        if isinstance(value, Rational) and value != operand:
-            self.ratios[operand] = Fraction(value)
-        return operand
-
-    def number(self, value: Any) -> Any:
-        """Return the operand of a number; a truth value is 0 or 1."""
-        if type(value) is float:
-            return value
-        operand = self.operand(value)
-        if isinstance(operand, bool):
-            return float(operand)
-        if self.is_truth(operand):
-            return self.values.emit("select", operand, 1.0, 0.0)
-        return operand
-
-    def truth(self, value: Any) -> Any:
-        """Return the operand of a truth value; a number is true unless it is 0."""
-        operand = self.operand(value)
-        if self.is_truth(operand):
-            return operand
-        if isinstance(operand, (bool, float)):
-            return self.values.emit("oeq", 1.0 if operand else 0.0, 1.0)
-        return (~self.values.number(operand).equals(0.0)).number
-
-    def text(self, operand: Any) -> str:
-        """Return the formula of an operand, for messages."""
-        return brief(self.values, operand, self.names)
-
-    def applied(self, name: str, operands: Sequence[Any], *tables: Any) -> Any:
-        """Return the symbol of a function of operands; remember the function for texts."""
-        if name in _ARITHMETIC and float in map(type, operands):
-            _check_arithmetic(name, operands)
-        if name == "power" and type(operands[0]) is int and operands[0] in self.squares:
-            half = operands[1] / 2.0 if isinstance(operands[1], float) else 0.5
-            if half.is_integer():
-                return self.applied(name, [self.squares[operands[0]], half])
-        rule: Any = interp if name == "interp" else FUNCTIONS[name].rule
-        count = self.values.count
-        result = rule(self.values, *operands, *tables)
-        if not isinstance(result, float) and result >= count:
-            self.values.written.setdefault(result, (name, tuple(operands), *tables))
-        return Symbol(self, result)
-
-    def result(self, value: Any) -> Any:
-        """Return the operand of a component of f, or of H."""
-        operand = self.number(value)
-        if isinstance(operand, float) and not math.isfinite(operand):
-            raise Untraceable(f"a component is {operand}, not a finite number or a formula")
-        return operand
-
-
-_ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split()
-
-
-def _check_arithmetic(name: str, operands: Sequence[Any]) -> None:
-    """Raise an error for NaN, and for infinity unless it is a divisor: x would have no effect."""
-    for k, a in enumerate(operands):
-        is_limit = name == "divide" and k == 1 and a in (math.inf, -math.inf)
-        if isinstance(a, float) and not math.isfinite(a) and not is_limit:
-            sign = FUNCTIONS[name].sign
-            raise Untraceable(f"a constant beside {sign} is {a}, and must be a finite number")
-
-
-def constant(value: Any) -> float:
-    """Return a real number as a float."""
-    if type(value) is float:
-        return value
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value.item()
-    if isinstance(value, (complex, np.complexfloating)):
-        raise Untraceable(f"{value} is complex, where a real number is wanted")
-    if hasattr(value, "free_symbols") and value.free_symbols:
-        raise Untraceable(f"{short(value)} is an expression of SymPy: {OF_SYMBOLS}")
-    is_number = isinstance(value, np.number) or hasattr(value, "as_integer_ratio")
-    if not is_number and not hasattr(value, "free_symbols"):
-        raise Untraceable(f"a number is wanted, not {short(value)}")
-    try:
-        return float(value)
-    except OverflowError:
-        raise Untraceable(f"{short(value)} is beyond the range of float64") from None
-
-
 def applied(name: str, *values: Any) -> Any:
     """Return the value of a function of numbers; some of them may be symbolic."""
     tracer = next((each.tracer for each in values if isinstance(each, Symbol)), None)
     if tracer is None:  # numbers, such as some entries of arrays
         return _of_numbers(name, values)
-    if any(isinstance(each, _COMPLEX) for each in values):
-        return _of_complex(tracer, name, values)
+    if any(map(is_complex, values)):
+        return tracer.of_complex(name, values)
     name = "positive" if name == "conjugate" else name
     if name == "where":
         condition, *rest = values
@@ -210,6 +63,13 @@ def applied(name: str, *values: Any) -> Any:
     else:
         operands = [*map(tracer.number, values)]
     return tracer.applied(name, operands)
+
+
+def is_complex(value: Any) -> bool:
+    """Return True for a complex number, and for a complex symbol."""
+    if isinstance(value, Symbol):
+        return value.is_complex
+    return isinstance(value, (complex, np.complexfloating))
 
 
 def _is_truth(value: Any) -> bool:
@@ -300,13 +160,11 @@ def _product(a: Any, b: Any) -> Any:
     tracer = next((each.tracer for each in b if isinstance(each, Symbol)), None)
     if tracer is None or not (tracer.has_products and np.isfinite(a).all()):
         return None
-    if a.dtype.kind == "c" or any(isinstance(each, _COMPLEX) for each in b):
+    if a.dtype.kind == "c" or any(map(is_complex, b)):
         real, imag = a.real @ b.real, a.real @ b.imag
         if a.dtype.kind == "c":
             real, imag = real - a.imag @ b.imag, imag + a.imag @ b.real
-        return _wrapped(
-            np.frompyfunc(functools.partial(Complex, tracer), 2, 1)(*map(_base, (real, imag)))
-        )
+        return _wrapped(np.frompyfunc(tracer.complex_of, 2, 1)(*map(_base, (real, imag))))
     emit = tracer.values.emit
     whole = emit(DenseMatrix(a), *map(tracer.number, b))
     return Symbols.of([Symbol(tracer, emit(ENTRY, whole, float(i))) for i in range(len(a))])
@@ -485,7 +343,7 @@ def _on_angles(z: Any) -> Any:
 
 
 def _are_complex(z: Any) -> bool:
-    return any(isinstance(each, _COMPLEX) for each in np.ravel(_base(z)).tolist())
+    return any(map(is_complex, np.ravel(_base(z)).tolist()))
 
 
 def _norm(z: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
@@ -564,6 +422,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     __slots__ = ("operand", "tracer")
     tracer: Any
+    is_complex = False
     __hash__ = object.__hash__
     _op_priority = Symbols._op_priority
     __array_ufunc__, __array_function__ = _carried_out, _of_function
@@ -618,70 +477,5 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 _METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}
 
 
-class Complex(Symbol):
-    """A complex symbolic number: its parts are real symbols, or a symbol and a number."""
-
-    __slots__ = ("imag", "real")
-
-    def __init__(self, tracer: Any, real: Any, imag: Any) -> None:
-        self.tracer, self.real, self.imag = tracer, _number(real), _number(imag)
-
-    @classmethod
-    def of(cls, real: Symbol, imag: Symbol) -> Complex:
-        return cls(real.tracer, real, imag)
-
-    @property
-    def operand(self) -> Any:
-        how = "take z.real, z.imag or abs(z), or name the variable: Field(f, names, complex=...)"
-        raise Untraceable(f"{self} is complex, where a real number is wanted: {how}")
-
-    def conjugate(self) -> Any:
-        return applied("conjugate", self)
-
-    conj = conjugate
-
-    def __repr__(self) -> str:
-        return f"({self.real} + i*({self.imag}))"
-
-
-_COMPLEX = Complex, complex, np.complexfloating
-
-
 def _part(name: str, array: Symbols) -> Any:
     return _wrapped(np.frompyfunc(operator.attrgetter(name), 1, 1)(_base(array)))
-
-
-def _number(a: Any) -> Any:
-    """Return the number if a symbol is a constant."""
-    return a.operand if isinstance(a, Symbol) and isinstance(a.operand, float) else a
-
-
-def _parts(value: Any) -> tuple[Any, Any]:
-    """Return the real and the imaginary part of a number or symbol."""
-    if isinstance(value, _COMPLEX):
-        return value.real, value.imag
-    return value, 0.0
-
-
-def _of_complex(tracer: Tracer, name: str, values: Sequence[Any]) -> Any:
-    """Return the value of a function of numbers, of which some are complex and some symbolic."""
-    if name == "where":
-        condition, *rest = values
-        parts = zip(*map(_parts, rest), strict=True)
-        return Complex(tracer, *(applied(name, condition, *each) for each in parts))
-    given = [part for value in values for part in map(_number, _parts(value))]
-    if name in TO_REAL:
-        found = TO_REAL[name](*given)
-        if name == "absolute" and isinstance(found, Symbol):
-            tracer.squares[found.operand] = TO_REAL["square of absolute"](*given).operand
-        return found
-    if name not in RULES:
-        how = f"take z.real, z.imag or abs(z), or write {', '.join(RULES)}"
-        raise Untraceable(f"{name} of a complex number: {how}")
-    return Complex(tracer, *RULES[name](*given))
-
-
-def components(tracer: Tracer, layout: Layout, values: Any, of_time: Any) -> list[Any]:
-    """Return the operands of components, for values of variables and of the hidden time."""
-    parts = layout.split(values, _parts)
-    return [*map(tracer.result, parts + [of_time] * layout.has_time)]

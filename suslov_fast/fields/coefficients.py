@@ -12,6 +12,7 @@ import numpy as np
 from .. import checks
 from ..checks import OTHERS, within, wrong
 from ..core.expressions.numpy_evaluation import FUNCTIONS
+from ..core.expressions.programs import needed_for
 from .equations import Equations
 from .exact_numbers import as_given, exact
 from .names import check_order
@@ -71,7 +72,7 @@ def coefficients_by(
     known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
     known |= {k: _constant(number(a)) for k, a in enumerate(parameters, D)}
     with np.errstate(all="ignore"):
-        for name, place, operands in equations.values.operations:
+        for name, place, operands in needed_for(equations.values.operations, results):
             of = [_constant(number(a)) if isinstance(a, float) else known[a] for a in operands]
             rule = _RULES.get(name, partial(_of_constants, name, number))
             known[place] = rule(*of)

@@ -77,9 +77,17 @@ class Equations:
     def read_last(self) -> bool:
         """True if another component, or a quantity, depends on the last one."""
         D = len(self.names) - 1
-        values, rows = in_order(self.products[0], [*self.products[1][:D], *self._others])
-        used = [*rows, *(a for _, _, of in values.operations for a in of)]
-        return any(type(a) is int and a == D for a in used)
+        return _read(D, self.products[0], [*self.products[1][:D], *self._others])
+
+    @cached_property
+    def with_timeless_integrals(self) -> Equations:
+        """The same equations without first integrals that depend on the last component."""
+        D, quantities = len(self.names) - 1, dict(self.quantities)
+        integrals = quantities.pop("conserved", [])
+        if kept := [a for a in integrals if not _read(D, self.values, [a])]:
+            quantities["conserved"] = kept
+        about: Any = self.H, self.K, self.ratios, quantities
+        return Equations(self.names, self.parameters, self.values, self.results, *about)
 
     @cached_property
     def without_last(self) -> Equations:
@@ -149,6 +157,13 @@ class Equations:
         with np.errstate(all="ignore"):
             evaluate(values.operations, numbers)
         return [a if isinstance(a, float) else numbers[a] for a in operands]
+
+
+def _read(component: int, values: Any, operands: Sequence[Any]) -> bool:
+    """Return True if an operand depends on the component, or is the component."""
+    values, rows = in_order(values, operands)
+    used = [*rows, *(a for _, _, of in values.operations for a in of)]
+    return any(type(a) is int and a == component for a in used)
 
 
 def of_hamiltonian(

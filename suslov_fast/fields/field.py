@@ -580,15 +580,18 @@ class Field(Traced):
 
     @cached_property
     def _autonomous(self) -> Field:
-        """The field without a hidden time; TypeError if f reads it."""
+        """The field without a hidden time, and integrals that read it; TypeError if f reads it."""
         if not self._layout.has_time:
             return self
+        equations = self._equations
         if self._is_forced:
+            equations = equations.with_timeless_integrals
+        if equations.read_last:
             how = "one that does: periodic_orbit follows a force; for others make t a variable, "
             how += "Field(lambda s: (*f(s[-1], s[:-1]), 1.0), names)"
             raise wrong("system", "one whose f does not read the time", how, TypeError)
         layout = layout_of(self._layout.parts)
-        return Field._of({**self._parts, LAYOUT: layout, EQUATIONS: self._equations.without_last})
+        return Field._of({**self._parts, LAYOUT: layout, EQUATIONS: equations.without_last})
 
     def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""

@@ -148,7 +148,8 @@ def lyapunov_exponents(
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
-    warn_of_changes(body, x, batch, np.empty((0, *x.shape)), request.times[:0])
+    since = x[:, -1] if body._layout.has_time else 0.0
+    warn_of_changes(body, x, batch, np.empty((0, *x.shape)), request.times[:0], since)
     causes = {**motion_arguments.causes_of(body), **_SLIDING}
     motion_arguments.warn_of_ends(ends, x, batch, causes=causes)
     return exponents.reshape(*batch, exponents.shape[1])

@@ -170,6 +170,7 @@ def solved(
 ) -> Motion:
     """Return the motion from x (B, D), differentiated with respect to `names`; warn if it ends."""
     system, times, settings = body, request.times, request.settings
+    since = x[:, -1] if body._layout.has_time else 0.0
     if isinstance(body, Field) and _is_idle(body, events):
         system, x = body._autonomous, np.ascontiguousarray(x[:, :-1])
         if isinstance(settings.atol, tuple):
@@ -200,7 +201,7 @@ def solved(
         if not is_clear and len(where := are_stuck(result, at_rest[0])):
             part = Sliding(system._field, x, batch, where, request, events)
             result, phases = part.continued(result, names, at_rest)
-        warn_of_changes(system, x, batch, result.states, times)
+        warn_of_changes(system, x, batch, result.states, times, since)
         if report is not None and total and not result.is_stopped:
             # The engine may report less: it counts equal times once, and no states after an end.
             report(total)

@@ -50,9 +50,17 @@ def has_integrals(system: Any) -> bool:
 
 
 def warn_of_changes(
-    field: Any, starts: FloatArray, batch: tuple[int, ...], states: Any, times: FloatArray
+    field: Any,
+    starts: FloatArray,
+    batch: tuple[int, ...],
+    states: Any,
+    times: FloatArray,
+    since: Any = 0.0,
 ) -> None:
-    """Warn once if integrals that a field keeps change at `starts` (B, D) or `states` (n, B, D)."""
+    """Warn once if integrals that a field keeps change at `starts` (B, D) or `states` (n, B, D).
+
+    `since` is the time t at the starts, a number or (B,).
+    """
     if not (has_integrals(field) and len(starts)):
         return
     kept = np.arange(len(times))
@@ -70,7 +78,8 @@ def warn_of_changes(
         return
     k, n, *index = first_index(is_wrong)
     count = np.count_nonzero(is_wrong.any(axis=(0, 1)))
-    t = [0.0, *times[kept]][n]
+    start = np.broadcast_to(since, len(starts)).reshape(batch)[tuple(index)]
+    t = start + [0.0, *times[kept]][n]
     where = f"first: trajectory {spell(tuple(index))} at t = {t:g}"
     warn(
         f"integrals: function {k} changes along f in {count} of {len(starts)} solutions ({where}), "

@@ -178,9 +178,11 @@ def periodic_orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
-        looks = search.T * _LOOKS
-        states = motion.states(orbit.state, looks)[:, np.newaxis] if has_integrals(field) else None
-        warn_of_changes(field, orbit.state[np.newaxis], (), states, looks)
+        if has_integrals(field):  # integrals may change near x0 alone, if the result is at rest
+            looks = search.T * _LOOKS
+            states = np.concatenate([motion.states(each, looks) for each in (x, orbit.state)])
+            since = 0.0 if t0 is None else t0
+            warn_of_changes(field, x[np.newaxis], (), states[:, None], np.tile(looks, 2), since)
         orbit = orbit._replace(state=body._layout.leave(orbit.state))
         if not (orbit.stable or motion.is_forced):  # attractors, forced orbits may be far from x0
             _warn_of_distance(search, x)
@@ -328,7 +330,7 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
     trivial = (known or 0) + (not search.flow.is_forced)
     if known is not None and search.freedom > trivial:
         why = "the equations conserve something, so near orbits are periodic, too"
-        how = "if states are a force, write it as a function of a time t with t' = 1"
+        how = "if states are a force, write it as a function of the time, in f(t, x)"
         warn(f"periodic_orbit found a member of a family, which x0 and period choose: {why}; {how}")
     values = np.linalg.eigvals(product).astype(complex)
     order = np.lexsort((-values.imag, -abs(values)))

@@ -446,8 +446,13 @@ def test_integrals_that_read_the_time():
     t = motion.time[:, np.newaxis] * kept.parameters["k"]
     exact = np.stack([np.cos(t) + 0.5 * np.sin(t), 0.5 * np.cos(t) - np.sin(t)], -1)
     np.testing.assert_allclose(motion.states, exact, atol=1e-13)
-    with pytest.raises(TypeError, match="does not read the time"):
-        equilibria(kept, [0.1, 0.2])
+    found = equilibria(kept, [0.1, 0.2])
+    np.testing.assert_allclose(found.states, 0, atol=1e-15)
+    assert found.kind.tolist() == ["centre", "centre"]
+    both = kept.conserving(lambda t, y, k: y[0] ** 2 + y[1] ** 2)
+    run = iterate(both[0], [1.0, 0.5], 0.1, 50)  # integrals need not be of degree 2
+    np.testing.assert_allclose((run.states**2).sum(axis=-1), 1.25, rtol=1e-14)
+    np.testing.assert_array_equal(run.states, iterate(field[0], [1.0, 0.5], 0.1, 50).states)
 
 
 def test_integrals_that_change_at_a_time():
@@ -455,7 +460,7 @@ def test_integrals_that_change_at_a_time():
     kept = field.conserving(lambda y: y[0] ** 2 + y[1] ** 2)
     flow(kept, [1.0, 0.0], time=7.0)  # no warning
     flow(kept.with_parameters(c=0.0), [1.0, 0.0], time=9.0)
-    with pytest.warns(UserWarning, match=r"in 1 of 2 solutions \(first: trajectory 1 at t = 2\)"):
+    with pytest.warns(UserWarning, match=r"in 1 of 2 solutions \(first: trajectory 1 at t = 9\)"):
         flow(kept, [1.0, 0.0], time=[0.0, 2.0], t0=[0.0, 7.0])
     for function, *surface in ((crossings, "x"), (lyapunov_exponents,)):
         with pytest.warns(UserWarning, match="function 0 changes along f"):

@@ -203,3 +203,8 @@ def test_integrals_that_change_later():
     cycle = cycle.conserving(lambda x: x[0] ** 2 + x[1] ** 2).with_parameters(m=1.0)
     with pytest.warns(UserWarning, match="function 0 changes"):
         periodic_orbit(cycle, [2.0, 0.0])
+    swing = Field(lambda t, y, c: (y[1], -(2 + c * np.cos(3 * t)) * y[0] - c * y[1]), "q p", c=0.0)
+    swing = swing.conserving(lambda x: 2 * x[0] ** 2 + x[1] ** 2).with_parameters(c=0.5)
+    with pytest.warns(UserWarning, match=r"function 0 changes .* at t = 7\)"):
+        rest = periodic_orbit(swing, [0.1, 0.1], period=2 * np.pi / 3, t0=7.0)
+    assert_allclose(rest.state, 0, atol=1e-12)  # where no integral changes

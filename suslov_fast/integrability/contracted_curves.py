@@ -225,7 +225,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     if not passage.common_orders:
         return passage.steps is None
     germs = Germs(plane, number)
-    if plane.degrees[number] > 1 and germs.have_multiplicities(passage):
+    if germs.have_multiplicities(passage):
         return True
     expected = [*zip(passage.common_orders, passage.curve_orders, strict=True)]
     for terms in _TERMS_OF_PROOFS if germs.first else ():
@@ -251,9 +251,10 @@ class Germs:
         *self._eps, self._r, self._s, self._t = self._ring.gens()
         self._modulus = self._r  # a monic polynomial with the root r; the polynomial r means r = 0
         degree, count = plane.degrees[number], 1
-        self._point = [self._ring.constant(1)] * 3
         if degree > 1:
             self._point, count = self._point_of_curve(), plane.count(number)
+        else:
+            self._point = self._point_of_line()
         gradient = self._values(self._slopes(self._curve), self._point)
         # The first germ if the curve consists of lines; [] for other curves.
         self.first = self._across_line(gradient) if degree == count else []
@@ -273,6 +274,12 @@ class Germs:
         terms = (c * leading ** (n - 1 - k) * self._r**k for k, c in enumerate(lower))
         self._modulus = sum(terms, self._r**n)  # its roots: `leading` times those of a factor of P
         return on_line(leading)
+
+    def _point_of_line(self) -> list[Any]:
+        """Return a point of the curve, a line; coordinates are polynomials in letters."""
+        a, b, c = self._values(self._slopes(self._curve), [self._ring.constant(1)] * 3)
+        i, j, k = (first for first, _ in self._line)  # of a line that meets the curve there
+        return without_common_factor([b * k - c * j, c * i - a * k, a * j - b * i])
 
     def _across_line(self, line: list[Any]) -> list[Any]:
         """Return a germ at a line with these coefficients: line . germ is a multiple of t."""

@@ -30,7 +30,7 @@ Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coeff
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
-_DEGREES = 64  # the largest sum of the degrees of numerator and denominator
+_DEGREES = 256  # the largest sum of the degrees of numerator and denominator
 _LINES = 1024  # the most lines s + z t in interpolation; T terms of a degree need 2 T + 1
 SEARCHES = 4096  # the most calls of a `Search` modulo one prime
 _PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
@@ -167,9 +167,13 @@ def _interpolated(
     size, t, numbers = 4, point(), range(1, 2**60)
     if count == 1:  # then s + z t is z, the letter itself
         s, t = [0], [1]
+    z = rng.sample(numbers, 2 * _DEGREES)
+    known: list[list[int]] = [[] for _ in varying]  # values at the first numbers of z
     while True:
-        line = Line(rng.sample(numbers, size), p)
-        quotients = [line.quotient(values) for values in along(t, line.z)]
+        for values, more in zip(known, along(t, z[len(known[0]) : size]), strict=True):
+            values += more
+        line = Line(z[:size], p)
+        quotients = [line.quotient(values) for values in known]
         if all(quotients):
             break
         if (size := 2 * size) > 2 * _DEGREES:
@@ -192,12 +196,12 @@ def _interpolated(
             points.append([pow(base, i, p) for base in _BASES[:count]])
             for k, values in enumerate(along(points[-1], line.z)):
                 coefficients[k].append(_scaled(line.quotient(values), sizes[k]))
-        for k in [k for k, known in enumerate(parts) if known is None]:
+        for k in [k for k, part in enumerate(parts) if part is None]:
             of_N_and_D = zip(*coefficients[k], strict=True)
             N_and_D = [_terms(of_lines, s, points, p) for of_lines in of_N_and_D]
             parts[k] = None if None in N_and_D else N_and_D
-    for i, known in zip(varying, parts, strict=True):
-        pairs[i] = _with_unit(known, p)
+    for i, part in zip(varying, parts, strict=True):
+        pairs[i] = _with_unit(part, p)
     return pairs
 
 

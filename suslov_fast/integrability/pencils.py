@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import flint
+import numpy as np
 
 from ..checks import kind_of, wrong
 from ..keywords import public
@@ -74,7 +75,7 @@ def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, int]]:
     def search(p: int, eps: Values) -> list[Any]:
         rng, residues = random.Random(p), [modulo(P, p, eps) for P in (first, second)]
         common = flint.nmod_poly([0], p)
-        for _ in range(2):  # two random planes: a root t of only one plane is left out
+        for _ in range(2):  # two random planes: roots t of only one plane are left out
             A, B = _equations(residues, degree, p, rng)
             if A.rank() < A.ncols():  # then all members are reducible
                 return []
@@ -93,22 +94,18 @@ def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, int]]:
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
-    """Return the polynomial in t that is 0 where the matrix first + t second loses rank.
+    """Return a polynomial in t that is 0 where the matrix first + t second loses rank.
 
-    Random combinations of rows make the matrices square. Roots that depend on the choice of these
-    combinations are left out.
+    Random combinations of rows make the matrices square; further roots depend on their choice.
     """
     columns, rows = first.ncols(), first.nrows()
-    common = flint.nmod_poly([0], p)
-    for _ in range(2):
-        mix = flint.nmod_mat(columns, rows, [rng.randrange(p) for _ in range(columns * rows)], p)
-        A, B = mix * first, mix * second
-        # As a polynomial in t, det(A + t B) / det A has the coefficients of the characteristic
-        # polynomial of A**-1 B in reverse order, with alternating signs.
-        backward = A.solve(B).charpoly().coeffs()[::-1]
-        coefficients = [int(-c if k % 2 else c) for k, c in enumerate(backward)]
-        common = common.gcd(flint.nmod_poly(coefficients, p))
-    return common
+    draws = np.frombuffer(rng.randbytes(8 * columns * rows), np.uint64) >> 2
+    mix = flint.nmod_mat(columns, rows, draws.tolist(), p)
+    A, B = mix * first, mix * second
+    # As a polynomial in t, det(A + t B) / det A has the coefficients of the characteristic
+    # polynomial of A**-1 B in reverse order, with alternating signs.
+    backward = A.solve(B).charpoly().coeffs()[::-1]
+    return flint.nmod_poly([int(-c if k % 2 else c) for k, c in enumerate(backward)], p)
 
 
 @public

@@ -24,7 +24,7 @@ from .levels import Level, on_level
 from .linear_relations import ImplicitIntegral, count_relations, implicit_integrals, written_out
 from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, without_content
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
-from .symmetries import DEGREES, SIGNED, Reversor, reversors
+from .symmetries import SIGNED, Reversor, reversors
 
 # Polynomials above the `degree` of the report, or to shorten integrals that have no more than this
 # degree, are sought only if they have at most so many coefficients.
@@ -145,7 +145,7 @@ class Search:
         self.degrees: list[int] = []
         self.relations: int | None = None
         self.symmetries: tuple[Reversor, ...] = ()
-        self._in_families = False  # True if more reversing symmetries come in families
+        self._sought = ""  # kinds of reversing symmetries that were sought
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
         self.on_level: PlanarEntropy | None = None  # the entropy of the map on `level`
@@ -285,7 +285,7 @@ class Search:
         return []
 
     def _find_symmetries(self) -> Tasks:
-        found, self._in_families = reversors(self.map)  # type: ignore[arg-type]
+        found, self._sought = reversors(self.map)  # type: ignore[arg-type]
         self.symmetries = tuple(found)
         return []
 
@@ -512,7 +512,7 @@ class Search:
                 planar = self.planar if kind == "planar entropy" else None
                 reason = f" ({planar.reason})" if planar and planar.reason else ""
                 if kind == "symmetries":
-                    reason = _INVOLUTIONS[(self.map.dimension in DEGREES) + self._in_families]
+                    reason = f": {self._sought}"
                 yield text.format(k=k, count=count) + reason
         if "factors" in degrees and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
@@ -534,8 +534,3 @@ _TEXTS = {
     "all cofactors": "Darboux polynomials up to degree {k} with products of powers of the factors "
     "of det DPhi as cofactors",
 }
-_INVOLUTIONS = (
-    ": signed permutations",
-    ": affine ones with numbers as entries",
-    ": signed permutations, and affine ones with numbers as entries; not others, in families",
-)

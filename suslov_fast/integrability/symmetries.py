@@ -4,7 +4,12 @@ R(x) = S x + b transforms the Kahan map of a field f to the Kahan map of S f(R^-
 map to its inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S
 and b. An involution also satisfies S S = 1 and S b = -b. Products of these equations and monomials
 up to some degree are linear equations in monomials, which are solved modulo a prime, for each trace
-of S. Where solutions of a trace come in families, only signed permutations are found.
+of S.
+
+Where solutions of a trace come in families, f commutes with affine fields A x + a. Their flows
+conjugate each solution R to others. So R is isolated only if it commutes with these flows, which
+gives linear equations for S and b. Conversely, near an R that commutes with them, other solutions
+are R exp(A), and no involutions. In families only signed permutations are found.
 """
 
 import math
@@ -53,16 +58,16 @@ class Reversor:
         return f"x -> ({', '.join(texts)})"
 
 
-def reversors(map: KahanMap) -> tuple[list[Reversor], bool]:
-    """Return affine involutions with rational entries that reverse a map, and if families lack.
+def reversors(map: KahanMap) -> tuple[list[Reversor], str]:
+    """Return affine involutions with rational entries that reverse a map, and what was sought.
 
-    They are the signed permutations and, up to three variables, the isolated ones of each trace.
+    They are the signed permutations and, up to three variables, the isolated ones.
     """
     D, p, letters = map.dimension, map.prime, map.letters
     numbers = [*EPS[: len(letters)], *[0] * D]  # values of letters and x
     rates = map._rates[0]
     terms = [(place, int(v(*numbers) if map.in_letters else v) % p) for place, v in rates]
-    x, found, in_families = arithmetic.random_point(D, p)[:-1], list[list[Any]](), False
+    x, found, left_out = arithmetic.random_point(D, p)[:-1], list[list[Any]](), set[str]()
     for order in (e for e in permutations(range(D)) if all(e[j] == i for i, j in enumerate(e))):
         for signs in product((1, -1), repeat=D):
             rows = [[signs[i] * (order[i] == j) for j in range(D)] for i in range(D)]
@@ -74,7 +79,12 @@ def reversors(map: KahanMap) -> tuple[list[Reversor], bool]:
         for trace in range(-D, D, 2):  # the trace D belongs to S = 1, which reverses no map
             every = [*equations, sum(diagonal) - trace]
             isolated = _isolated_solutions(every, unknowns, DEGREES[D])
-            in_families |= isolated is None
+            if isolated is None:
+                if commuting := _commuting(D, terms, unknowns):
+                    left_out.add("in families")
+                isolated = _isolated_solutions([*every, *commuting], unknowns, DEGREES[D])
+                if isolated is None:
+                    left_out.add("of equations of high degree")
             found += isolated or []
     symmetries = dict[Reversor, None]()
     for solution in found:
@@ -87,7 +97,11 @@ def reversors(map: KahanMap) -> tuple[list[Reversor], bool]:
                 symmetries[reversor] = None
     ordered = sorted(symmetries, key=lambda reversor: (len(repr(reversor)), repr(reversor)))
     names = map.field._layout.components
-    return [replace(reversor, names=names) for reversor in ordered], in_families
+    sought = "signed permutations"
+    if D in DEGREES:
+        sought += f", and {'affine' if D <= _AFFINE else 'linear'} ones with rational entries"
+        sought += "; not others, " * bool(left_out) + " or ".join(sorted(left_out))
+    return [replace(reversor, names=names) for reversor in ordered], sought
 
 
 def reverses(reversor: Reversor, map: KahanMap) -> bool:
@@ -132,6 +146,41 @@ def _equations(D: int, terms: Any, unknowns: Any) -> list[Any]:
         for e, c in P.to_dict().items():
             by_monomial[e[n:]][e[:n]] = int(c)
         equations += map(unknowns.from_dict, by_monomial.values())
+    return [equation for equation in equations if equation != 0]
+
+
+def _commuting(D: int, terms: Any, unknowns: Any) -> list[Any]:
+    """Return the linear equations for S and b of maps that commute with the symmetries of a field.
+
+    These are the affine fields A x + a, linear ones if b is not unknown, that commute with it.
+    """
+    p, count = int(unknowns.modulus()), unknowns.nvars()
+    ring = ring_modulo(p, count + D)
+    entries, x = ring.gens()[:count], ring.gens()[count:]
+    A, a = [entries[D * i : D * i + D] for i in range(D)], entries[D * D :] or [0] * D
+    field = [sum(map(mul, row, x), 0 * x[0] + c) for row, c in zip(A, a, strict=True)]
+    rates = [0 * x[0]] * D
+    for (i, j, k), c in terms:
+        rates[i] += c * ([*x, 1][j]) * ([*x, 1][k])
+    rows = list[list[int]]()
+    for i in range(D):
+        bracket = -sum(map(mul, A[i], rates), 0 * x[0])
+        bracket += sum(rates[i].derivative(count + j) * field[j] for j in range(D))
+        by_monomial = defaultdict[Any, list[int]](lambda: [0] * count)
+        for e, c in bracket.to_dict().items():
+            by_monomial[e[count:]][e.index(1)] = int(c)
+        rows += by_monomial.values()
+    *S, b = *(unknowns.gens()[D * i : D * i + D] for i in range(D)), unknowns.gens()[D * D :]
+    equations = []
+    for values in arithmetic.null_space(flint.nmod_mat(rows or [[0] * count], p)):
+        A, a = [values[D * i : D * i + D] for i in range(D)], values[D * D :]
+        for i in range(D):
+            for j in range(D):
+                terms_of_S = (S[i][k] * A[k][j] - S[k][j] * A[i][k] for k in range(D))
+                equations.append(sum(terms_of_S, unknowns.constant(0)))
+            if a:
+                terms_of_b = (S[i][k] * a[k] - b[k] * A[i][k] for k in range(D))
+                equations.append(sum(terms_of_b, unknowns.constant(-a[i] % p)))
     return [equation for equation in equations if equation != 0]
 
 

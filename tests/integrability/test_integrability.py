@@ -10,6 +10,7 @@ from itertools import product
 import flint
 import numpy as np
 import pytest
+import sympy
 from papers import assert_holds, assert_text, by_text
 from systems import exactly
 
@@ -546,6 +547,31 @@ def test_reversing_symmetries(field, symmetries):
     now = found.map
     x = [F(2 * k + 3, 7) for k in range(field.dimension)]
     assert all(now(R(now(x))) == R(x) and R(R(x)) == (*x,) for R in found.symmetries)
+
+
+def in_other_coordinates(f, S):
+    """The field of y = S x."""
+    inverse = sympy.Matrix(S).inv()
+    inverse = [[F(int(a.p), int(a.q)) for a in inverse.row(i)] for i in range(len(S))]
+
+    def field(y):
+        v = f([sum(a * b for a, b in zip(row, y, strict=True)) for row in inverse])
+        return tuple(sum(a * b for a, b in zip(row, v, strict=True)) for row in S)
+
+    return Field(field, len(S))
+
+
+def test_an_isolated_symmetry_with_the_trace_of_a_family():
+    """(x1, x2, -x3) beside reflections at planes; no signed permutation in these coordinates."""
+    top = in_other_coordinates(
+        lambda x: (x[1] * x[2], -x[0] * x[2], 0 * x[0]), [[1, 2, 0], [0, 1, 3], [1, 0, 1]]
+    )
+    found = report(top, eps=EPS, degree=1)
+    assert [*map(str, found.symmetries)] == [
+        "x -> (-x1, -x2, -x3)",
+        "x -> (x1, 6/7*x1 - 5/7*x2 - 6/7*x3, 2/7*x1 - 4/7*x2 + 5/7*x3)",
+    ]
+    assert "linear ones with rational entries; not others, in families" in repr(found)
 
 
 def test_reversing_symmetries_that_are_not_all_listed():

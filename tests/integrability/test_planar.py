@@ -244,6 +244,24 @@ def test_a_repair():
         locus(at_third)
 
 
+@pytest.mark.parametrize(
+    ("exponents", "lengths"),
+    [
+        (lambda k: (1, 1, 2 / (1 + k)), [2, 4, 4]),
+        (lambda k: (1, 2 / (1 + k), (3 + k) / (1 + 3 * k)), [2, 3, 6]),
+    ],
+)
+def test_repaired_exponents_of_three_lines(exponents, lengths):
+    """Coefficients of large degree in eps: orders are proved at the points of one orbit."""
+
+    def f(x, eps):
+        (u, v), w, (a, b, c) = x, x[0] + x[1] + 2, exponents(eps**2)
+        return b * u * w + c * u * v, -(a * v * w + c * u * v)
+
+    found = planar_entropy(kahan(Field(f, "x y", eps=1), letters="eps"))
+    assert (found.entropy, found.proved, sorted(found.lengths)) == (0, True, lengths)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("letters", ["eps", "eps d"])
 def test_a_repair_is_proved(letters):

@@ -200,7 +200,8 @@ OF_STEPS = (
    "steps trajectories n J",
    "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),
   ("denseoutput interp interpolate interpolant resample at sol deval", "",
-   "flow(system, x0, time=[3.3]), at any times; for a table np.interp(t, times, values) in f"),
+   "motion(t), the solution at any times, with motion = flow(system, x0, time=T); for a table "
+   "np.interp(t, times, values) in f"),
   ("nfev njev nlu nstep naccepted fulloutput infodict stats display", "steps",
    "the result, which has steps, status and ok"),
   ("jac jacsparsity lband uband jacobian jacoptions jpattern", "jacobian",

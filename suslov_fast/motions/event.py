@@ -23,7 +23,7 @@ from ..fields.layout import Layout
 from ..fields.names import TIME
 from ..fields.tracer import Tracer, components
 from ..keywords import public, public_class
-from ..results.result import read_only
+from ..results.result import place_in, read_only
 
 _ON_SURFACE = "a function of the state, such as lambda x: x[0] - 1, or the name of a component"
 _NEW_STATE = "a function of the state that returns the new one, or a list of its components"
@@ -189,6 +189,15 @@ class Event:
     @property
     def _is_text(self) -> bool:
         return not (callable(self.surface) or callable(self.to))
+
+    def _member(self, index: tuple[int, ...]) -> Event:
+        """Return the event of one trajectory, from its index in the batch."""
+        if self.times is None or self.times.ndim == 1:
+            return self
+        event = object.__new__(Event)
+        times = self.times[place_in(self.times.shape[:-1], index)]
+        vars(event).update(vars(self), times=times, _traced={})
+        return event
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Event) else NotImplemented

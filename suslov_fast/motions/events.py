@@ -158,7 +158,11 @@ class Events(Result):
         for column in OF_EVENTS:
             if (values := attributes[column.name]) is not None:
                 attributes[column.name] = values[kept]
-        return attributes | {"trajectory": np.zeros_like(attributes["trajectory"])}
+        given = tuple(event._member(index) for event in self._given)
+        return attributes | {
+            "_given": given,
+            "trajectory": np.zeros_like(attributes["trajectory"]),
+        }
 
     def of(self, trajectory: int) -> Events:
         """Return the events of one trajectory, by its number in the batch, flattened in C order."""

@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.systems import BodyOrField
-from ..checks import FloatArray
+from ..checks import FloatArray, Reals, real_number, wrong
+from ..core.flow.batch_solver import Settings
 from ..fields.html import html_table
-from ..results.result import States
+from ..keywords import public
+from ..results.result import States, read_only
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event
 from .events import Derivatives, Events, events_of, events_of_records
+from .motion_arguments import checked_settings, request_of
 from .phases import Phases, phases_of
+from .solution import solution
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,6 +56,10 @@ class Motion(States):
         The derivatives that were asked for. ``motion.derivatives["x0"]`` has the shape
         (n, ..., D, D); its entry [..., i, j] is the derivative of component i with respect to
         component j of x0. The derivative with respect to a parameter has the shape (n, ..., D).
+    x0 : ndarray(float, shape=(..., D))
+        The initial state of each trajectory.
+    t0 : ndarray(float, shape=(...)) or None
+        If f takes the time, as f(t, y): the time t at each x0.
     body, rtol, atol, max_step, stiff
         The arguments of :func:`flow`.
 
@@ -73,6 +81,11 @@ class Motion(States):
     Motion(states: (101, 2), time: 0 to 20, rtol: 1e-09)
     >>> motion.states[-1].round(6), bool(np.ptp(motion.energy()) < 1e-8)
     (array([0.325746, 0.490267]), True)
+
+    The solution as a function of time:
+
+    >>> motion(20.0).round(6), motion([0.0, 0.5]).shape
+    (array([0.325746, 0.490267]), (2, 2))
     """
 
     states: FloatArray
@@ -81,6 +94,7 @@ class Motion(States):
     status: NDArray[np.int8]
     end: FloatArray
     steps: NDArray[np.int64]
+    _start: FloatArray  # (..., D), x0 and a hidden time
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
     _again: NDArray[np.int8] | Any = None  # 1 if computed again after an alarm (lost digits)
     _by: tuple[str, ...] = ()  # the argument `derivatives`
@@ -103,8 +117,47 @@ class Motion(States):
             vars(motion)["events"] = events_of(parts, given, motion)
         return motion
 
-    def __call__(self, *_: Any) -> Any:
-        raise TypeError("a motion cannot be called: pass the times t to flow(system, x0, time=t)")
+    @public
+    def __call__(self, t: Reals, /) -> FloatArray:
+        """Return the states of the solution at any times, also after the last time.
+
+        The motion is computed again from its initial states, with the arguments of its call. So
+        these states are as accurate as those in the motion, and have the bits of ``flow(...,
+        time=t)``. Pass all times at once, because each call takes the time of a call of `flow`.
+
+        Parameters
+        ----------
+        t : array_like(float, shape=() or (n,))
+            Times counted from x0, as `time` in :func:`flow`; here they may lie on both sides of 0.
+
+        Returns
+        -------
+        ndarray(float, shape=(..., D) or (n, ..., D))
+            The states; NaN where a solution has ended before.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field, flow
+        >>> motion = flow(Field(lambda x: (x[1], -x[0]), "q p"), [1.0, 0.0], time=10.0)
+        >>> motion(np.pi).round(6) + 0.0
+        array([-1.,  0.])
+        """
+        body, batch, times = self.body, self.status.shape, real_number("t", t)
+        if np.ndim(times) > 1:
+            raise wrong("t", "a number or a 1-D array", f"an array of shape {np.shape(times)}")
+        given = (getattr(self, name) for name in Settings._fields)
+        settings = checked_settings(body, *given)
+        events = () if self.events is None else self.events._given
+        asked, start = np.ravel(times), self._start.reshape(-1, body._layout.D)
+        states = np.empty((len(asked), *self.states.shape[1:]), self.states.dtype)
+        for part in (asked >= 0.0, asked < 0.0):
+            if part.any():
+                request = request_of(asked[part], settings, None)
+                result, _ = solution(body, start, batch, request, None, self._by, events)
+                shape = len(result.states), *batch, result.states.shape[-1]
+                states[part] = body._layout.leave(result.states.reshape(shape))
+        return read_only(states if np.ndim(times) else states[0])
 
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
         attributes = super()._members(index)
@@ -124,6 +177,16 @@ class Motion(States):
                 vars(self)["events"] = events_of_records(records, given, self)
                 return self.events
             return super().__getattr__(name)
+
+    @property
+    def x0(self) -> FloatArray:
+        """The initial states, shape (..., D)."""
+        return read_only(np.asarray(self.body._layout.leave(self._start)))
+
+    @property
+    def t0(self) -> FloatArray | None:
+        """The times t at x0 if f takes the time, as f(t, y), shape (...); else None."""
+        return self._start[..., -1] if self.body._layout.has_time else None
 
     @property
     def derivatives(self) -> dict[str, FloatArray]:

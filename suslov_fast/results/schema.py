@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from ..core.flow.batch_solver import Settings
 
-FORMAT = 17  # version of files: it increases when columns differ from the last release
+FORMAT = 18  # version of files: it increases when columns differ from the last release
 
 
 class Column(NamedTuple):
@@ -56,6 +56,7 @@ MOTION = (
     Column("steps", "int64", "batch", "number of steps"),
     Column("status", "int8", "batch"),
     Column("_again", "int8", "batch"),
+    Column("_start", "float64", "batch variable"),
     Column("_derivatives", "float64", "time batch component direction", when="_by"),
     Column("_phases", "float64", "event phase", when="_surfaces"),
     *(column._replace(name=f"events.{column.name}", when="events") for column in OF_EVENTS),

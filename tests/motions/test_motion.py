@@ -1,6 +1,7 @@
 """`flow`: the motion at given times, and its result, `Motion`."""
 
 import inspect
+import pickle
 from dataclasses import fields
 
 import mpmath
@@ -290,6 +291,55 @@ def test_the_result_is_no_sequence():
     exact = flow(body, [1.0, 0.5], time=[0.0, 1.0, 2.0])
     assert abs(np.diff(exact.energy())).max() < 1e-14
     assert abs(np.diff(exact.first_integral())).max() < 1e-14
+
+
+FORCED = Field(
+    lambda t, y, k, c: (y[1], -k * y[0] - c * y[1] + np.cos(1.3 * t)),
+    "x v",
+    k=np.array([1.0, 2.0, 3.0]),
+    c=0.1,
+)
+BOUNCES = [
+    Event("x", direction="down", to=lambda x, k: (x[0], -0.8 * x[1] / k)),
+    Event(times=[[1.0, 2.0], [3.0, 4.0], [5.0, np.nan]], to=lambda t, y: (y[0], y[1] + t)),
+]
+CALLS = {
+    "events of a forced family": (FORCED, [1.0, 0.0], {"t0": 0.3, "events": BOUNCES}),
+    "derivatives": (FORCED, [1.0, 0.0], {"t0": 0.0, "derivatives": "k x0", "stiff": True}),
+    "tolerances": (FORCED, [1.0, 0.0], {"t0": 0.0, "rtol": 1e-5, "atol": [1e-9, 1e-8]}),
+    "complex": (Field(lambda z: 1j * z, "z", complex=True), [[1 + 0j], [2j]], {"max_step": 0.1}),
+    "body": (sf.Suslov3D(4, 2, -0.5, [-0.25, -0.1]), [1.0, 0.5], {}),
+    "a motion that ends": (SQUARES, [[1.0, 0.0], [0.1, 0.2]], {}),
+}
+
+
+@pytest.mark.filterwarnings("ignore:times count", "ignore:.*escape")
+@pytest.mark.parametrize("name", CALLS)
+def test_the_solution_as_a_function(name, tmp_path):
+    """Bits as if asked at once: of the motion, its copies, its file and its members."""
+    system, x0, options = CALLS[name]
+    motion = flow(system, x0, time=[0.5, 2.0], **options)
+    times = [7.7, 0.0, 3.5]
+    states = flow(system, x0, time=times, **options).states
+    motion.save(tmp_path / "motion.npz")
+    for each in (motion, sf.load(tmp_path / "motion.npz"), pickle.loads(pickle.dumps(motion))):
+        np.testing.assert_array_equal(each(times), states)
+    np.testing.assert_array_equal(motion(7.7), at(system, x0, 7.7, **options))
+    np.testing.assert_array_equal(motion(0.0), motion.x0)
+    np.testing.assert_array_equal(motion.member(1)(times), states[:, 1])
+    assert np.all(motion.t0 == options.get("t0"))
+
+
+def test_the_solution_on_both_sides_of_its_start():
+    motion = flow(PENDULUM, [2.5, 0.0], time=3.0)
+    both = motion([-1.0, 2.0, 1.0])
+    np.testing.assert_array_equal(both[1:], motion([2.0, 1.0]))
+    np.testing.assert_allclose(both[0], both[2] * [1.0, -1.0], rtol=1e-8)  # even and odd in t
+    assert motion([]).shape == (0, 2)
+    with pytest.raises(ValueError, match="1-D"):
+        motion([[1.0]])
+    with pytest.raises(ValueError, match="read-only"):
+        both[0] = 0.0
 
 
 # ------------------------------------------------------------------------------------- small calls

@@ -1,0 +1,122 @@
+"""The solution of a system at given times, exact or to a tolerance, with events; its warnings."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..bodies.exact import states_at
+from ..calls import Progress, flat_arrays, reporter
+from ..checks import FloatArray
+from ..core.flow.batch_solver import SolverRequest
+from ..core.hybrid.event_formulas import EventAction
+from ..fields.field import Field
+from ..fields.right_hand_sides import with_events
+from ..maps.map_records import map_of
+from ..maps.problem import Problem
+from . import motion_arguments
+from .event import Event
+from .events import actions_of, event_times_of, starts_at_rest
+from .integration import SolverResult, empty_result, to_tolerance
+from .kept_integrals import warn_of_changes
+from .modes import Sliding, are_stuck
+from .sensitivities import with_derivatives
+
+
+def solution(
+    body: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    request: SolverRequest,
+    progress: Progress,
+    names: tuple[str, ...],
+    events: tuple[Event, ...],
+) -> tuple[SolverResult, dict[str, Any]]:
+    """Return the motion from x (B, D), and its phases; warn if it ends."""
+    system, times, settings = body, request.times, request.settings
+    since = x[:, -1] if body._layout.has_time else 0.0
+    if isinstance(body, Field) and _is_idle(body, events):
+        system, x = body._autonomous, np.ascontiguousarray(x[:, :-1])
+        if isinstance(settings.atol, tuple):
+            settings = settings._replace(atol=settings.atol[:-1])
+            request = request._replace(settings=settings)
+    actions: tuple[EventAction, ...] = ()
+    event_times, at_rest = None, (None, None)
+    if events:
+        actions = actions_of(system._field, events)
+        event_times = event_times_of(events, request.sign, batch)
+        if request.sign > 0:
+            at_rest = starts_at_rest(system._field, events, x.reshape(*batch, x.shape[1]))
+    total = len(times) * math.prod(batch)
+    with reporter(progress, total) as report:
+        if report is not None or events:
+            # A new request takes less time than `_replace`.
+            others = request.threads, report, event_times, request.most, request.since
+            request = SolverRequest(times, request.sign, settings, *others)
+        if names:
+            result = with_derivatives(system._field, x, batch, names, request, actions)
+        elif events:
+            groups = with_events(system._field, actions)
+            result = to_tolerance(groups, system._field.shape, x, batch, request)
+        else:
+            result = motion_of(system, x, batch, request)
+        phases: dict[str, Any] = {}
+        is_clear = result.ends is None and at_rest[0] is None  # as in most calls
+        if not is_clear and len(where := are_stuck(result, at_rest[0])):
+            part = Sliding(system._field, x, batch, where, request, events)
+            result, phases = part.continued(result, names, at_rest)
+        warn_of_changes(system, x, batch, result.states, times, since)
+        if report is not None and total and not result.is_stopped:
+            # The engine may report less: it counts equal times once, and no states after an end.
+            report(total)
+    if result.ends is not None:
+        causes = motion_arguments.causes_of(body)
+        motion_arguments.warn_of_ends(result, x, batch, settings.atol, causes)
+        motion_arguments.warn_of_lost_components(result, batch)
+    return result, phases
+
+
+def _is_idle(field: Field, events: tuple[Event, ...]) -> bool:
+    """Return True if a field has a hidden time that neither f nor an event reads."""
+    layout = field._layout
+    if not layout.has_time or field._is_forced:
+        return False
+    return not any(layout.size in action.read() for action in actions_of(field, events))
+
+
+def motion_of(
+    system: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
+    """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
+    if isinstance(system, Field):
+        return to_tolerance(system._right_hand_sides, system.shape, x, batch, request)
+    is_exact = system._is_solved  # a truth value, or an array for members
+    if np.all(is_exact):
+        return _exact(system, x, batch, request)
+    if not np.any(is_exact):
+        return motion_of(system._field, x, batch, request)
+    is_exact = np.broadcast_to(is_exact, batch).ravel()
+    result = empty_result(x, len(request.times))
+    for exact in (True, False):
+        where = np.flatnonzero(is_exact == exact)
+        parts = {
+            name: flat_arrays(a, batch, system._axes.get(name, 0))[where]
+            for name, a in system._arrays.items()
+        }
+        part = motion_of(system._with_parts(parts), x[where], (len(where),), request)
+        result = result.with_part(where, part)
+    return result
+
+
+def _exact(
+    body: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+) -> SolverResult:
+    """Return the exact motion of a body; NaN where the closed form is out of range."""
+    omega = x.reshape(*batch, x.shape[1])
+    problem = Problem(map_of(body), body, omega, 0.0, batch, request.threads, "x0")
+    result = empty_result(x, len(request.times))
+    states = states_at(problem, request.times, is_number=False).reshape(result.states.shape)
+    has_none = np.isnan(states).any(axis=(0, 2)) | np.isnan(x[:, 0])
+    return result._replace(states=states).without_steps(has_none)

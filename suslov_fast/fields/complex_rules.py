@@ -4,6 +4,7 @@ A part is a number, or a symbol with Python's operators and NumPy's functions. P
 numbers 0, 1 and -1 cause no operations.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -39,29 +40,92 @@ def _product(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
     return _sub(_mul(a, c), _mul(b, d)), _add(_mul(a, d), _mul(b, c))
 
 
+def _over(a: Any, b: Any) -> Any:
+    return 0.0 if _is(a, 0) else a if _is(b, 1) else a / b
+
+
 def _quotient(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
+    """Return (a + i b) / (c + i d); a power of 2 keeps c**2 + d**2 from overflow and underflow."""
     if _is(d, 0):
-        return (0.0 if _is(a, 0) else a / c), (0.0 if _is(b, 0) else b / c)
-    size = _add(_mul(c, c), _mul(d, d))
-    x, y = _product(a, b, c, _neg(d))
-    return (0.0 if _is(x, 0) else x / size), (0.0 if _is(y, 0) else y / size)
+        return _over(a, c), _over(b, c)
+    if _is(c, 0):
+        return _over(b, d), _neg(_over(a, d))
+    if isinstance(c, (int, float)) and isinstance(d, (int, float)):
+        return _product(a, b, (1 / complex(c, d)).real, (1 / complex(c, d)).imag)
+    scale = d.scale(c) if isinstance(c, (int, float)) else c.scale(d)
+    c, d = c * scale, d * scale
+    size = c * c + d * d
+    x, y = _product(a, b, c, -d)
+    return _mul(_over(x, size), scale), _mul(_over(y, size), scale)
 
 
 def _polar(size: Any, angle: Any) -> tuple[Any, Any]:
-    return size * np.cos(angle), size * np.sin(angle)
+    return _mul(size, np.cos(angle)), _mul(size, np.sin(angle))
+
+
+def _scaled_by(factor: float, z: tuple[Any, Any]) -> tuple[Any, Any]:
+    return factor * z[0], factor * z[1]
 
 
 def _log(x: Any, y: Any) -> tuple[Any, Any]:
     return np.log(np.hypot(x, y)), np.arctan2(y, x)
 
 
+def _log1p(x: Any, y: Any) -> tuple[Any, Any]:
+    return 0.5 * np.log1p(x * (2.0 + x) + y * y), np.arctan2(y, 1.0 + x)
+
+
 def _exp(x: Any, y: Any) -> tuple[Any, Any]:
     return _polar(1.0, y) if _is(x, 0) else _polar(np.exp(x), y)
 
 
+def _expm1(x: Any, y: Any) -> tuple[Any, Any]:
+    half = np.sin(0.5 * y)
+    return np.expm1(x) * np.cos(y) - 2.0 * (half * half), np.exp(x) * np.sin(y)
+
+
 def _tanh(x: Any, y: Any) -> tuple[Any, Any]:
-    below = np.cosh(2.0 * x) + np.cos(2.0 * y)
-    return np.sinh(2.0 * x) / below, np.sin(2.0 * y) / below
+    """Return tanh(x + i y) = (tanh(2 x) + i sin(2 y) s) / (1 + cos(2 y) s), s = 1 / cosh(2 x)."""
+    s = 1.0 / np.cosh(2.0 * x)
+    below = 1.0 + np.cos(2.0 * y) * s
+    return np.tanh(2.0 * x) / below, np.sin(2.0 * y) * s / below
+
+
+def _sqrt(x: Any, y: Any) -> tuple[Any, Any]:
+    return _polar(np.sqrt(np.hypot(x, y)), 0.5 * np.arctan2(y, x))
+
+
+# Inverse functions: W. Kahan, Branch cuts for complex elementary functions, 1987.
+def _arcsin(x: Any, y: Any) -> tuple[Any, Any]:
+    (a, b), (c, d) = _sqrt(1.0 - x, _neg(y)), _sqrt(1.0 + x, y)
+    return np.arctan2(x, a * c - b * d), np.arcsinh(a * d - b * c)
+
+
+def _arccos(x: Any, y: Any) -> tuple[Any, Any]:
+    (a, b), (c, d) = _sqrt(1.0 - x, _neg(y)), _sqrt(1.0 + x, y)
+    return 2.0 * np.arctan2(a, c), np.arcsinh(c * b - d * a)
+
+
+def _arccosh(x: Any, y: Any) -> tuple[Any, Any]:
+    (a, b), (c, d) = _sqrt(x - 1.0, y), _sqrt(x + 1.0, y)
+    return np.arcsinh(a * c + b * d), 2.0 * np.arctan2(b, c)
+
+
+def _arctanh(x: Any, y: Any) -> tuple[Any, Any]:
+    distance = (1.0 - x) * (1.0 - x) + y * y
+    return 0.25 * np.log1p(4.0 * x / distance), 0.5 * np.arctan2(
+        2.0 * y, (1.0 - x) * (1.0 + x) - y * y
+    )
+
+
+def _turned(rule: Any) -> Any:
+    """Return the rule of -i rule(i z), for sin and sinh, tan and tanh, and their inverses."""
+
+    def turned(x: Any, y: Any) -> tuple[Any, Any]:
+        a, b = rule(_neg(y), x)
+        return b, _neg(a)
+
+    return turned
 
 
 def _power(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
@@ -91,13 +155,25 @@ RULES: dict[str, Any] = {
     "conjugate": lambda x, y: (x, _neg(y)),
     "exp": _exp,
     "log": _log,
-    "sqrt": lambda x, y: _polar(np.sqrt(np.hypot(x, y)), 0.5 * np.arctan2(y, x)),
+    "log1p": _log1p,
+    "log2": lambda x, y: _scaled_by(1.0 / math.log(2.0), _log(x, y)),
+    "log10": lambda x, y: _scaled_by(1.0 / math.log(10.0), _log(x, y)),
+    "expm1": _expm1,
+    "exp2": lambda x, y: _exp(*_scaled_by(math.log(2.0), (x, y))),
+    "sqrt": _sqrt,
     "sin": lambda x, y: (np.sin(x) * np.cosh(y), np.cos(x) * np.sinh(y)),
     "cos": lambda x, y: (np.cos(x) * np.cosh(y), -(np.sin(x) * np.sinh(y))),
     "sinh": lambda x, y: (np.sinh(x) * np.cos(y), np.cosh(x) * np.sin(y)),
     "cosh": lambda x, y: (np.cosh(x) * np.cos(y), np.sinh(x) * np.sin(y)),
     "tanh": _tanh,
-    "tan": lambda x, y: (lambda t: (t[1], -t[0]))(_tanh(-y, x)),
+    "tan": _turned(_tanh),
+    "arcsin": _arcsin,
+    "arccos": _arccos,
+    "arctan": _turned(_arctanh),
+    "arcsinh": _turned(_arcsin),
+    "arccosh": _arccosh,
+    "arctanh": _arctanh,
+    "sign": lambda x, y: _quotient(x, y, np.hypot(x, y), 0.0),
 }
 TO_REAL: dict[str, Any] = {
     "absolute": lambda x, y: abs(x) if _is(y, 0) else np.hypot(x, y),

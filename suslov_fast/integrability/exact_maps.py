@@ -34,7 +34,7 @@ def _power(a: RationalFunction, exponent: RationalFunction) -> RationalFunction 
 
 _RULES: dict[str, Any] = {
     "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv,
-    "pow": _power,
+    "pow": _power, "scale": lambda a, b: as_function(1),  # values of f do not depend on it
 }  # fmt: skip
 _POINTS = 3  # number of points at which an inverse is checked
 
@@ -293,7 +293,7 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
 
     for k, (rule, place, operands) in enumerate(operations):
         values[place] = computed(rule, place, operands)
-        if not (operands_in_x := sources.keys() & _places(operands)):
+        if rule == "scale" or not (operands_in_x := sources.keys() & _places(operands)):
             continue
         sources[place] = operands_in_x
         needed = {a for a in sources if last.get(a, -1) > k}

@@ -338,6 +338,15 @@ def hypot(x, y):
     return (x.equals(_INFINITY) | y.equals(_INFINITY)).select(_INFINITY, result)
 
 
+def scale(x, y):
+    """Return the power of 2 by which the larger modulus of x and y is from 2 to 4.
+
+    It is inf where both are below the least normal number, and 0 where one is infinite.
+    """
+    exponent = abs(x).then("max", abs(y)).then("bits_and", _INFINITY)
+    return Number(x.emit, x.emit("bits_sub", _INFINITY, exponent.number))
+
+
 # ------------------------------------------------------------------------------------- angles
 # x = n pi / 2 + r, r from -pi / 4 to pi / 4 in two parts. For abs(x) < 2**31, the products of n
 # with all parts of pi / 2 but the last one are exact. r is as accurate for each x as two parts
@@ -421,7 +430,7 @@ ELEMENTARY = {
     function.__name__: (function, 1)
     for function in (exp, expm1, expit, sinh, cosh, tanh, log, log1p, log2, log10, cbrt,
                      sin, cos, tan)
-} | {"pow": (pow, 2), "hypot": (hypot, 2), "logaddexp": (logaddexp, 2)}  # fmt: skip
+} | {"pow": (pow, 2), "hypot": (hypot, 2), "logaddexp": (logaddexp, 2), "scale": (scale, 2)}  # fmt: skip
 
 
 @functools.cache

@@ -113,6 +113,8 @@ def _kind_of(name, of):
     bends, divisor = sum(a.degree > 0 for a in of) > 1, of[-1]
     is_quotient = name == "fdiv" and divisor.degree
     is_exp = name == "pow" and divisor.degree  # the exponent depends on the state
+    if name == "scale":
+        return _STILL
     if degree == 0 or name in ("select", "fabs", ENTRY) or (name == "fdiv" and not is_quotient):
         pass
     elif name in ("fadd", "fsub") or is_matrix(name):

@@ -54,9 +54,8 @@ def _quotient(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
         return _product(a, b, (1 / complex(c, d)).real, (1 / complex(c, d)).imag)
     scale = d.scale(c) if isinstance(c, (int, float)) else c.scale(d)
     c, d = c * scale, d * scale
-    size = c * c + d * d
-    x, y = _product(a, b, c, -d)
-    return _mul(_over(x, size), scale), _mul(_over(y, size), scale)
+    inverse = scale / (c * c + d * d)
+    return _product(a, b, c * inverse, -d * inverse)
 
 
 def _polar(size: Any, angle: Any) -> tuple[Any, Any]:

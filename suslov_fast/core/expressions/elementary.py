@@ -343,8 +343,8 @@ def scale(x, y):
 
     It is inf where both are below the least normal number, and 0 where one is infinite.
     """
-    exponent = abs(x).then("max", abs(y)).then("bits_and", _INFINITY)
-    return Number(x.emit, x.emit("bits_sub", _INFINITY, exponent.number))
+    x, y = x.then("bits_and", _INFINITY), y.then("bits_and", _INFINITY)
+    return Number(x.emit, _INFINITY).then("bits_sub", x.then("max", y))
 
 
 # ------------------------------------------------------------------------------------- angles

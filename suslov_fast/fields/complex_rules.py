@@ -45,17 +45,19 @@ def _over(a: Any, b: Any) -> Any:
 
 
 def _quotient(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
-    """Return (a + i b) / (c + i d); a power of 2 keeps c**2 + d**2 from overflow and underflow."""
+    """Return (a + i b) / (c + i d) for any size of c and d."""
     if _is(d, 0):
         return _over(a, c), _over(b, c)
     if _is(c, 0):
         return _over(b, d), _neg(_over(a, d))
     if isinstance(c, (int, float)) and isinstance(d, (int, float)):
         return _product(a, b, (1 / complex(c, d)).real, (1 / complex(c, d)).imag)
-    scale = d.scale(c) if isinstance(c, (int, float)) else c.scale(d)
-    c, d = c * scale, d * scale
-    inverse = scale / (c * c + d * d)
-    return _product(a, b, c * inverse, -d * inverse)
+    tracer = (d if isinstance(c, (int, float)) else c).tracer
+
+    def real(*operands: Any) -> Any:
+        return tracer.applied("quotient", [*map(tracer.number, operands)])
+
+    return real(a, b, c, d), real(b, _neg(a), c, d)
 
 
 def _polar(size: Any, angle: Any) -> tuple[Any, Any]:

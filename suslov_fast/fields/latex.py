@@ -96,6 +96,9 @@ def _call(name: str, arguments: Sequence[str]) -> str:
         return rf"\sqrt{{{arguments[0]}}}"
     if name == "abs":
         return rf"\left|{arguments[0]}\right|"
+    if name == "quotient":
+        top, bottom = (rf"{a} + i \, \left({b}\right)" for a, b in (arguments[:2], arguments[2:]))
+        return rf"\mathrm{{Re}}\,\frac{{{top}}}{{{bottom}}}"
     escaped = name.replace("_", r"\_")
     word = f"\\{name}" if name in _FUNCTIONS else rf"\operatorname{{{escaped}}}"
     return rf"{word}\left({', '.join(arguments)}\right)"

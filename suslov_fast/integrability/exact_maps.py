@@ -84,13 +84,13 @@ def rational_map(map: Map, inverse: Map | None = None, *, letters: Any = None) -
     (2, a + 2)
     """
     names = () if letters is None else checked_letters(map, letters)
-    forward = _stages("map", map, names)
+    forward, variables = _stages("map", map, names), map._layout.components
     given = {name: constant(name, map.parameters[name]) for name in names}
     if inverse is None:
-        return composed(forward, None, names, map.names, given)
+        return composed(forward, None, names, variables, given)
     backward = _stages("inverse", inverse, names)
-    back = composed(backward, composed(forward, None, names, map.names), names, map.names)
-    checked = composed(forward, back, names, map.names, given)
+    back = composed(backward, composed(forward, None, names, variables), names, variables)
+    checked = composed(forward, back, names, variables, given)
     if back.dimension != checked.dimension or not has_inverse(checked):
         raise ValueError("inverse is not the inverse of the map: inverse(map(x)) differs from x")
     return checked
@@ -263,7 +263,8 @@ def _stages(name: str, map: Any, letters: Sequence[str]) -> list[list[Any]]:
         raise wrong(name, "a Map", received, TypeError)
     if map.shape:
         raise wrong(name, "a single one", f"a family of shape {map.shape}: pass {name}[i]")
-    D, ring = map.dimension, polynomial_ring(map.dimension, letters)
+    D = map._layout.D
+    ring = polynomial_ring(D, letters)
     symbols = [factored(x) for x in ring.gens()]
     named = dict(zip(letters, symbols, strict=False))
     x = symbols[len(letters) :]

@@ -30,6 +30,7 @@ EXACT = {
     "expit": expit,
     "logaddexp": lambda x, y: max(x, y) + mpmath.log1p(mpmath.exp(-abs(x - y))),
 }
+OF_NUMBERS = [name for name in ELEMENTARY if name != "scale"]  # the C library has none
 OF_OTHERS = "tan", "expm1", "expit", "sinh", "cosh", "tanh", "log2", "log10", "hypot"
 
 
@@ -80,7 +81,7 @@ def ulps(found, expected):
     return float(abs(mpmath.mpf(found) - expected) / mpmath.mpf(2) ** exponent)
 
 
-@pytest.mark.parametrize("name", ELEMENTARY)
+@pytest.mark.parametrize("name", OF_NUMBERS)
 def test_errors_in_the_last_place(rng, name):
     given = arguments(name, rng, 400)
     found = FUNCTIONS[name](*given).tolist()
@@ -115,7 +116,7 @@ def of_c(name, *operands):
         return -math.inf if name.startswith("log") and x == -(name == "log1p") else math.nan
 
 
-@pytest.mark.parametrize("name", ELEMENTARY)
+@pytest.mark.parametrize("name", OF_NUMBERS)
 def test_special_values_are_those_of_the_c_library(name):
     given = [*itertools.product(SPECIAL.tolist(), repeat=ELEMENTARY[name][1])]
     found = FUNCTIONS[name](*np.transpose(given))
@@ -125,6 +126,18 @@ def test_special_values_are_those_of_the_c_library(name):
             assert abs(value - expected) <= 3 * math.ulp(expected), operands
         else:
             assert same_bits(value, expected), operands
+
+
+def test_scale_is_the_power_of_2_that_makes_the_larger_modulus_2_to_4(rng):
+    x, y = arguments("hypot", rng, 400)
+    x = np.concatenate([x, [2.0**-1022, 1.7e308, 0.0, np.inf]])
+    y = np.concatenate([y, [0.0, 1.0, 5e-324, 1.0]])
+    found = FUNCTIONS["scale"](x, y)
+    assert (np.frexp(found[:-2])[0] == 0.5).all()
+    larger = found[:-2] * np.maximum(abs(x), abs(y))[:-2]
+    assert larger.min() >= 2.0
+    assert larger.max() < 4.0
+    assert found[-2:].tolist() == [np.inf, 0.0]
 
 
 def same_bits(found, expected):
@@ -158,7 +171,7 @@ class STEP:
 @pytest.mark.parametrize("W", [1, 8])
 @pytest.mark.parametrize("name", [*ELEMENTARY, *OF_LIBRARY])
 def test_machine_code_has_the_bits_of_numpy(rng, name, W):
-    count = 2 if name in ("pow", "hypot", "logaddexp", "atan2") else 1
+    count = 2 if name in ("pow", "hypot", "logaddexp", "scale", "atan2") else 1
     n = 2304
     given = of_size(rng, -3, 3, (count, n)) * rng.choice([1.0, 1e-300, 1e5, 1e300], (count, n))
     for row in given:

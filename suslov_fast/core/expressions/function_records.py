@@ -106,12 +106,11 @@ _OF_LISTS = [
     Function("arctan2", 2, _of_angle, False, "atan2"),
     Function("hypot", 2, _of_hypot),
     Function("logaddexp", 2, _of_logaddexp, narrows=True),
-    # A power of 2 for quotients of complex numbers, which do not depend on it.
-    Function("scale", 2, lambda a, b, y: (0.0, 0.0)),
 ]
 _OF_LISTS = [each._replace(instruction=each.instruction or each.name) for each in _OF_LISTS]
 _POWER = Function("power", 2, _of_power, False, "pow")
-RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER]}
+_SCALE = Function("scale", 2, lambda a, b, y: (0.0, 0.0), False, "scale")
+RECORDS = {record.instruction: record for record in [*_OF_LISTS, _POWER, _SCALE]}
 
 
 # ------------------------------------------------------------------ functions made of others
@@ -190,7 +189,18 @@ def _sum(a, b):
 
 def _product(a, b):
     """Return a b; 0 if either is the constant 0, as most entries of a matrix are."""
-    return 0.0 if _is_0(a) or _is_0(b) else a * b
+    return Number(a.emit, 0.0) if _is_0(a) or _is_0(b) else a * b
+
+
+def _quotient(a, b, c, d):
+    """Return the real part of (a + i b) / (c + i d).
+
+    A power of 2, on which the value does not depend, keeps c**2 + d**2 in range.
+    """
+    scale = c.then("scale", d)
+    c, d = c * scale, d * scale
+    inverse = scale / (c * c + d * d)
+    return _sum(_product(a, c * inverse), _product(b, d * inverse))
 
 
 _MADE = [
@@ -199,6 +209,7 @@ _MADE = [
     Function("multiply", 2, formula=_product, sign="*"),
     Function("divide", 2, instruction="fdiv", sign="/", others="true_divide"),
     Function("power", 2, formula=_power, sign="**", others="float_power pow"),
+    Function("quotient", 4, formula=_quotient),
     Function("exp2", 1, formula=lambda a: Number(a.emit, 2.0).then("pow", a)),
     Function("floor_divide", 2, formula=lambda a, b: (a / b).then("floor"), sign="//"),
     Function(

@@ -430,7 +430,7 @@ ELEMENTARY = {
     function.__name__: (function, 1)
     for function in (exp, expm1, expit, sinh, cosh, tanh, log, log1p, log2, log10, cbrt,
                      sin, cos, tan)
-} | {"pow": (pow, 2), "hypot": (hypot, 2), "logaddexp": (logaddexp, 2), "scale": (scale, 2)}  # fmt: skip
+} | {function.__name__: (function, 2) for function in (pow, hypot, logaddexp, scale)}  # fmt: skip
 
 
 @functools.cache

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..checks import FloatArray
+from ..core.cached import cached_property
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import results_at
 from ..core.expressions.programs import Program, in_order
+from ..core.expressions.projection import test_of_start
 from .equations import Equations
 
 
@@ -23,6 +26,7 @@ class Constraints:
 
     def __init__(self, equations: Equations) -> None:
         self.D, sizes = len(equations.names), equations.sizes
+        self.parameters = len(equations.parameters)
         first = sizes["corrections"] - sizes["momenta"]
         self.parts = slice(0, first), slice(first, sizes["corrections"])
         values, residuals = in_order(equations.values, equations.quantities["residuals"])
@@ -31,6 +35,22 @@ class Constraints:
         self.places = [(k, j) for k, row in enumerate(rows) for j in row]
         entries = [rows[k][j] for k, j in self.places]
         self.program = Program(values.operations, [*residuals, *entries])
+
+    @cached_property
+    def test(self) -> Program:
+        """The `Program` `test_of_start` of a state and parameters."""
+        D, k = self.D, self.count
+        f = SimpleNamespace(D=D, positions=self.parts[0].stop, constraints_count=k, steady=())
+        f.invariants, f.invariants_count, f.invariants_places = self.program, k, self.places
+        f.table = range(D, D + self.parameters)
+        f.places = {p: p - D for p in f.table}
+        return test_of_start(f)
+
+    def tested(self, x: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Return the results (3, ...) of `test_of_start` at states x (..., D)."""
+        shape = np.broadcast_shapes(x.shape[:-1], parameters.shape[1:])
+        given = dict(enumerate([*np.moveaxis(x, -1, 0), *parameters]))
+        return results_at(self.test, given, shape)
 
     def rows(self, moving: Any) -> list[int]:
         """Return the numbers of residuals that depend on the components `moving` (n numbers)."""

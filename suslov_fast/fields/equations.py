@@ -13,6 +13,7 @@ from ..core.expressions.dense_product import expanded, roll
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import Expressions, Program, emitted, in_order, needed_for
+from ..core.expressions.projection import Kept
 from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .tracer import Tracer
@@ -27,6 +28,7 @@ class Equations:
     values, results    the operations of f and H, and the operands that are components of f; their
                        order depends on f and H, not on how f was written
     products           like `values`, but a product with a dense matrix is one operation
+    positions          how many variables of mechanics, the first ones, are coordinates
     H, K               the operand of H, and the entries (i, j, value) of K; None without H
     ratios             the fractions that were typed, by the nearest floats
     """
@@ -41,6 +43,7 @@ class Equations:
         K: Any = None,
         ratios: Mapping[float, Fraction] | None = None,
         quantities: Mapping[str, Sequence[Any]] | None = None,
+        positions: int | None = None,
     ) -> None:
         self.names, self.parameters, self.K = tuple(names), tuple(parameters), K
         self.ratios = dict(ratios or {})
@@ -51,7 +54,10 @@ class Equations:
         self.products = values, operands[: len(results)]
         self.H = None if H is None else operands[len(results)]
         self._others = operands[len(operands) - sum(map(len, quantities.values())) :]
-        self.sizes = {name: len(of) for name, of in quantities.items()}
+        self.sizes = sizes = {name: len(of) for name, of in quantities.items()}
+        if positions is None and "corrections" in sizes:
+            positions = sizes["corrections"] - sizes["momenta"]
+        self.positions = positions or 0
 
     @cached_property
     def _written(self) -> tuple[Any, list[Any]]:
@@ -68,10 +74,11 @@ class Equations:
         return {name: [next(rest) for _ in range(size)] for name, size in self.sizes.items()}
 
     @cached_property
-    def invariants(self) -> tuple[int, list[Any]]:
-        """The number of constraints, and the operands of constraints, then of first integrals."""
+    def invariants(self) -> Kept:
+        """What steps of a motion keep: constraints, then first integrals."""
         constraints = self.quantities.get("residuals", [])
-        return len(constraints), [*constraints, *self.quantities.get("conserved", [])]
+        integrals = self.quantities.get("conserved", [])
+        return Kept([*constraints, *integrals], len(constraints), self.positions)
 
     @cached_property
     def read_last(self) -> bool:

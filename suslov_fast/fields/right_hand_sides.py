@@ -63,16 +63,15 @@ def _with_constants(
 @lru_cache(64)
 def _of_list(equations: Equations, wrt: Names, actions: Actions, constants: int) -> RightHandSide:
     """Return the right-hand side; `constants` is how many constants of `actions` are parameters."""
-    constraints, invariants = equations.invariants
+    kept = equations.invariants
     with_sums = wrt is not None and _has_branches_of_products(equations.products[0])
-    with_sums = with_sums or bool(invariants)
+    with_sums = with_sums or bool(kept.operands)
     program = (equations.values, equations.results) if with_sums else equations.products
-    values, results = in_order(program[0], [*program[1], *invariants], constants)
+    values, results = in_order(program[0], [*program[1], *kept.operands], constants)
     D = len(equations.names)
-    results, invariants = results[:D], results[D:]
+    results, kept = results[:D], kept._replace(operands=results[D:])
     by = [len(equations.names) + equations.parameters.index(name) for name in wrt or ()]
     P = len(equations.parameters) + constants
-    kept = constraints, invariants
     return with_fixed_branches(values, results, P, by, wrt is not None, actions, kept)
 
 
@@ -99,7 +98,7 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
     if special or any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
-    constraints, invariants = equations.invariants
+    invariants, constraints, positions = equations.invariants
     program = KeyedProgram.of(equations.values, [*equations.results, *invariants])
     (form,), constants = with_parameters([EventAction(None, program, 0, 1)], count)
     if len(_known_forms) >= _MOST_FORMS:
@@ -114,7 +113,8 @@ def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
     D = len(equations.names)
     kept = {"residuals": rows[D : D + constraints], "conserved": rows[D + constraints :]}
     kept = kept if invariants else {}
-    equations = Equations(equations.names, parameters, values, rows[:D], quantities=kept)
+    about: Any = {"quantities": kept, "positions": positions}
+    equations = Equations(equations.names, parameters, values, rows[:D], **about)
     return equations, constants
 
 

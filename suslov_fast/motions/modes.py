@@ -35,7 +35,7 @@ from .sensitivities import with_derivatives
 def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: int) -> Any:
     """Return equations with modes, as `Equations` and `SlidingEquations`; None without any mode."""
     D, P = len(equations.names), len(equations.parameters)
-    count, rows = invariants = equations.invariants
+    rows, count, positions = invariants = equations.invariants
     modes = SlidingEquations(equations.values, equations.results, D, P, actions, sign, invariants)
     if not modes.size:
         return None
@@ -45,9 +45,8 @@ def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: in
     known = {i: i for i in range(D)} | {D + p: D + modes.size + p for p in range(P)}
     rows = emitted(modes.values, program, known) if rows else []
     kept = {"residuals": rows[:count], "conserved": rows[count:]} if rows else {}
-    return Equations(
-        names, equations.parameters, modes.values, modes.results, quantities=kept
-    ), modes
+    about: Any = {"quantities": kept, "positions": positions}
+    return Equations(names, equations.parameters, modes.values, modes.results, **about), modes
 
 
 class Sliding:

@@ -12,7 +12,6 @@ import numpy as np
 from .. import checks
 from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.expressions.projection import OFF, ROUNDING
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_STEPS
 from ..fields.constraints import constraints_of
@@ -22,7 +21,7 @@ from ..status import IntegrationWarning, Status
 from .event import Event
 from .integration import FELL, SolverResult
 
-_DEPENDENT = 1e-10  # least singular value of independent constraints, rows of length 1
+_SINGULAR = "a singular one{1}: leave out constraints that follow from others"
 _MOST = 1e-2  # the largest rtol
 # The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
 # means nothing, also if the user passed 1e-9.
@@ -167,28 +166,21 @@ def checked_starts(
 
 def check_constraints(field: Any, x: FloatArray) -> None:
     """Raise ValueError if states of the engine (..., D) violate constraints of mechanics."""
-    if constraints_of(field) is None or not (x.size and math.prod(field.shape)):
+    constraints = constraints_of(field)
+    if constraints is None or not (x.size and math.prod(field.shape)):
         return
-    errors = abs(field._quantity_at("residuals", x))
-    matrix = field._quantity_at("matrix", x)
-    matrix = matrix.reshape(*matrix.shape[:-1], field._equations.sizes["multipliers"], -1)
-    with np.errstate(all="ignore"):
-        rows = matrix / np.linalg.norm(matrix, axis=-1, keepdims=True)
-    least = np.linalg.svd(np.nan_to_num(rows), compute_uv=False)[..., -1]
-    if (least < _DEPENDENT).any() and np.isfinite(x).all():
-        where = first_index(least < _DEPENDENT)
-        at = f" at {spell(where)}" if where else ""
-        how = "reactions have no value there: leave out constraints that follow from others"
-        raise wrong("x0", "a state with independent constraints", f"a singular one{at}: {how}")
-    sizes = field._quantity_at("sizes", x)
-    least = ROUNDING * sizes.max(axis=-1, keepdims=True)
-    bad = (errors > np.maximum(OFF * sizes, least)).any(axis=-1)
-    if bad.any():
-        errors = errors.max(axis=-1)
-        where = first_index(bad)
-        how = "move states there by field.projected(x0)"
-        at = f" at {spell(where)}" if where else ""
-        raise wrong("x0", "on the constraints", f"off by {errors[where]:.3g}{at}: {how}")
+    is_on, is_regular, errors = constraints.tested(x, field._inputs)
+    if is_on.all() and is_regular.all():
+        return
+    exists = np.isfinite(errors)
+    for is_good, need, how in (
+        (is_regular, "a state with independent constraints", _SINGULAR),
+        (is_on, "on the constraints", "off by {:.3g}{}: move states there by field.projected(x0)"),
+    ):
+        if (is_bad := exists & (is_good == 0.0)).any():
+            where = first_index(is_bad)
+            at = f" at {spell(where)}" if where else ""
+            raise wrong("x0", need, how.format(errors[where], at))
 
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray, t0: Any = None) -> None:
@@ -268,7 +260,7 @@ def causes_of(system: Any) -> Mapping[Status, str]:
     """Return `CAUSES` for motions of a system."""
     if constraints_of(system) is None:
         return CAUSES
-    more = ", as one with coordinates off the constraints"
+    more = ", as one with coordinates off the constraints; or constraints become dependent there"
     return CAUSES | {Status.ENDED: CAUSES[Status.ENDED] + more}
 
 

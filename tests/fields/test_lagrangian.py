@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import ellipk
 
-from suslov_fast import Field, Suslov3D, flow
+from suslov_fast import Field, IntegrationWarning, Suslov3D, flow
 from suslov_fast.fields.lagrangian import velocity
 
 cos, sin = np.cos, np.sin
@@ -274,17 +274,27 @@ def test_spherical_pendulum_keeps_energy_and_moment():
     assert_allclose(motion.residuals(), 0, atol=1e-14)
 
 
-@pytest.mark.parametrize("n", [3, 10])
-def test_chain_has_the_frequencies_of_laguerre(n):
+def chain(n):
+    """A chain of n masses in Cartesian coordinates, with rods of length 1."""
+
     def lengths(q, v):
         p = np.reshape(q, (n, 2))
         d = np.concatenate([p[:1], p[1:] - p[:-1]])
         return (d * d).sum(axis=1) - 1
 
     names = [f"{a}{i}" for i in range(n) for a in "xy"]
-    field = Field.from_lagrangian(lambda q, v: v @ v / 2 - sum(q[1::2]), names, constraints=lengths)
+    return Field.from_lagrangian(lambda q, v: v @ v / 2 - sum(q[1::2]), names, constraints=lengths)
+
+
+def chain_at_rest(n):
     x0 = np.zeros(4 * n)
     x0[1 : 2 * n : 2] = -np.arange(1, n + 1)
+    return x0
+
+
+@pytest.mark.parametrize("n", [3, 10])
+def test_chain_has_the_frequencies_of_laguerre(n):
+    field, x0 = chain(n), chain_at_rest(n)
     assert_allclose(field.residuals(x0), 0, atol=1e-15)
     squares = np.linalg.eigvals(field.jacobian(x0)).imag ** 2
     exact = np.repeat(np.polynomial.laguerre.lagroots([0] * n + [1]), 2)
@@ -339,6 +349,55 @@ def test_constraints_that_depend_on_one_another():
     )
     with pytest.raises(ValueError, match="singular one at 1"):
         flow(cross_roads, [[1, 0, 0, 0], [0, 0, 0, 0]], time=1.0)
+
+
+def bars():
+    """A parallelogram of bars, which may also fold into a crossed one where it is flat."""
+    return Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1] / 10,
+        "x y z w",
+        constraints=lambda q, v: (
+            q[:2] @ q[:2] - 1,
+            (q[2] - 2) ** 2 + q[3] ** 2 - 1,
+            (q[0] - q[2]) ** 2 + (q[1] - q[3]) ** 2 - 4,
+        ),
+    )
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6, 1e-9, 1e-12])
+def test_solutions_end_where_constraints_become_dependent(rtol):
+    lines = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - 0.1 * q[1], "x y", constraints=lambda q, v: q[0] * q[1]
+    )
+    with pytest.warns(IntegrationWarning, match="dependent"):
+        motion = flow(lines, [1, 0, -1, 0], time=[0.5, 2.0], rtol=rtol)
+    assert_allclose(motion.end, 1.0, atol=10 * rtol)
+    assert_allclose(motion.states, [[0.5, 0, -1, 0], [np.nan] * 4], atol=1e-12)
+    with pytest.warns(IntegrationWarning, match="dependent"):
+        motion = flow(bars(), [0, 1, 2, 1, 1, 0, 1, 0], time=10.0, rtol=rtol)
+    angle = flow(lambda x: (x[1], -np.cos(x[0]) / 20), [np.pi / 2, -1], time=motion.end)
+    assert_allclose(angle.states[0, 0], 0, atol=max(30 * rtol, 1e-5))
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9, 1e-12])
+def test_constraints_turn_at_any_tolerance(rtol):
+    """A body that moves fast on a small circle, and chains at rest, do not end."""
+    x0 = [1e3, 0, 0, 1e3]
+    track = Field.from_lagrangian(
+        lambda q, v: v @ v / 2,
+        "x y",
+        constraints=lambda q, v: (q[0] - 1e3 + 1) ** 2 + q[1] ** 2 - 1,
+    )
+    motion = flow(track, x0, time=[1.0, 10.0], rtol=rtol)
+    assert motion.ok
+    assert_allclose(motion.residuals(), 0, atol=1e-7)
+    rest = flow(chain(30), chain_at_rest(30), time=10.0, rtol=rtol)
+    assert_allclose(rest.states[0], chain_at_rest(30), atol=1e-12)
+
+
+def test_starts_near_constraints_are_moved_there():
+    x = flow(pendulum(), [1 + 1e-8, 0, 0, 1.0], time=[1.0, 2.0], rtol=1e-12)
+    assert_allclose(x.residuals(), 0, atol=1e-13)
 
 
 def test_bead_on_a_rotating_wire():

@@ -1,96 +1,226 @@
-"""The projection of a state onto given values c of invariants I(x): one Newton step, as formulas.
+"""The projection of a state onto given values c of invariants I(x): Newton steps, as formulas.
 
-With J = I'(x), and W = diag(w_j**2) with the allowed errors w_j of the components,
+With J = I'(x), and W = diag(w_j**2) with the allowed errors w_j of the components, a step is
 
 x <- x - W J^T (J W J^T)**-1 (I(x) - c).
 
-An invariant that depends on those before it, up to rounding, is left out: its pivot is LEAST of its
-diagonal entry or less. A projection that moves a component by more than MOST allowed errors, or
-changes a sign that f keeps, is left out, as near states where J loses rank.
+Constraints of mechanics come first: a step moves coordinates q alone to g(q) = 0, and a step moves
+velocities v alone to phi(q, v) = 0. If there are first integrals, a step with all invariants
+follows. An integral that depends on the invariants before it, up to rounding, is left out: its
+pivot is LEAST of its diagonal entry or less. This last step is left out if it moves a component by
+more than MOST allowed errors, or changes a sign that f keeps, as near states where J loses rank.
+
+Constraints must be independent along the motion: the matrix A = phi_v must keep its rank. Let A_0
+and A_1 be A at the ends of a step, and c_a and p_a the pivots of A_0 A_1^T and A_1 A_1^T. If the
+step passes a state where A loses rank, a pivot c_a has the wrong sign. If it ends near such a
+state, c_a / p_a - 1 is about its length over the distance that is left.
 """
 
-import functools
+from typing import Any, NamedTuple
 
 from .programs import Expressions, dot, emitted, program_of
 from .symbolic_elimination import elimination_order
-from .values import larger
+from .values import joined, larger, smaller
 
 LEAST, MOST = 2.0**-40, 64.0
+# To constraints components move with weights w_j of at least SMALLEST times the largest weight: the
+# allowed error of a component that is 0 but for rounding is next to nothing.
+SMALLEST = 2.0**-20
 # States are on the constraints if residuals are at most OFF times the sums of moduli of their
 # terms, or ROUNDING times the largest of these sums.
 OFF, ROUNDING = 1e-7, 1e-13
+# In a step A may fall to a part 1 / (1 + FALL), and the distance to a state where it loses rank
+# must stay above NEAR allowed errors.
+FALL, NEAR = 2.0, 8.0
+OF_PIVOTS = 2.0**-46  # rounding errors of pivots, as a part of their diagonal entries
+
+
+class Kept(NamedTuple):
+    """The invariants of equations: constraints phi, then g of holonomic ones, then first integrals.
+
+    operands     their values
+    constraints  how many of them are constraints
+    positions    how many components, the first ones, are coordinates
+    """
+
+    operands: Any = ()
+    constraints: int = 0
+    positions: int = 0
+
+
+NOTHING = Kept()
+
+
+class _Formulas:
+    """Formulas of a program that reads `inputs` numbers and f's table; `slopes` are rows of J."""
+
+    def __init__(self, f, inputs):
+        self.f, self.values = f, Expressions(inputs + len(f.table))
+        self.table = {a: inputs + place for a, place in f.places.items()}
+        self.slopes = [{} for _ in range(f.invariants_count)]
+        for (a, j), slope in zip(
+            f.invariants_places, f.invariants.results[f.invariants_count :], strict=True
+        ):
+            if j not in f.steady:
+                self.slopes[a][j] = slope
+
+    def halves(self):
+        """Return (rows, components): constraints g and coordinates, then phi and velocities."""
+        q, v = range(self.f.positions), range(self.f.positions, self.f.D)
+        rows = range(self.f.constraints_count)
+        phi = [a for a in rows if any(j in v for j in self.slopes[a])]
+        return ([a for a in rows if a not in phi], q), (phi, v)
+
+    def at(self, x, rows, moving):
+        """Return values of invariants at x, and their slopes {j: operand} by some components."""
+        places = [(k, j) for k, a in enumerate(rows) for j in self.slopes[a] if j in moving]
+        results = [self.f.invariants.results[a] for a in rows]
+        results += [self.slopes[rows[k]][j] for k, j in places]
+        program = program_of(self.f.invariants.operations, results)
+        found = emitted(self.values, program, dict(enumerate(x)) | self.table)
+        J = [{} for _ in rows]
+        for (k, j), slope in zip(places, found[len(rows) :], strict=True):
+            J[k][j] = slope
+        return found[: len(rows)], J
+
+    def weights(self, moving):
+        """Return {j: w_j} for the components `moving`, with at least SMALLEST of the largest."""
+        w = {j: self.values.number(self.f.D + j) for j in sorted(moving)}
+        least = SMALLEST * joined("max", w.values()) if w else None
+        return {j: larger(a, least) for j, a in w.items()}
+
+    def moves(self, r, J, w):
+        """Return {j: the move of component j in units of w[j], a `Number`}, for I - c = r."""
+        emit = self.values.emit
+        scaled = [{j: emit("fmul", slope, w[j]) for j, slope in row.items()} for row in J]
+        elimination = _Elimination(self.values, scaled, scaled)
+        mu, moves = elimination.solution(r), {}
+        for j in sorted({j for row in J for j in row}):
+            pairs = [(row[j], mu[a]) for a, row in enumerate(scaled) if j in row]
+            moves[j] = self.values.number(dot(emit, pairs))
+        return moves
+
+
+class _Elimination:
+    """The elimination in G = A B^T, for rows A and B {j: operand} with the same places.
+
+    pivots, diagonal  operands, in the order of elimination
+    """
+
+    def __init__(self, values, A, B):
+        self.values, emit, k = values, values.emit, len(A)
+        self.is_symmetric, self.G = A is B, [{} for _ in A]
+        for a in range(k):
+            for b in range(a if A is B else 0, k):
+                common = [(A[a][j], B[b][j]) for j in A[a] if j in B[b]]
+                if common or a == b:
+                    self.G[a][b] = dot(emit, common) if common else 0.0
+                    if A is B:
+                        self.G[b][a] = self.G[a][b]
+        self.order = elimination_order([(a, b) for a, row in enumerate(self.G) for b in row], k)
+        self.diagonal = [self.G[a][a] for a in self.order]
+        self.pivots, self.steps = [], []
+        for n, a in enumerate(self.order):
+            self.pivots.append(self.G[a][a])
+            if n < k - 1 or A is B:
+                self._eliminate(n, a)
+
+    def _eliminate(self, n, a):
+        """Subtract multiples of row a from the rows that follow it in the order."""
+        G, emit, number = self.G, self.values.emit, self.values.number
+        pivot, least = number(G[a][a]), number(self.diagonal[n]) * LEAST
+        inverse = (pivot > least).select(1.0 / pivot, 0.0).number
+        later = [b for b in self.order[n + 1 :] if b in G[a]]
+        factors = [emit("fmul", G[b][a], inverse) for b in later]
+        for m, (b, factor) in enumerate(zip(later, factors, strict=True)):
+            for c in later[m:] if self.is_symmetric else later:
+                G[b][c] = emit("fsub", G[b].get(c, 0.0), emit("fmul", factor, G[a][c]))
+                if self.is_symmetric:
+                    G[c][b] = G[b][c]
+        self.steps.append((a, inverse, [*zip(later, factors, strict=True)]))
+
+    def solution(self, r):
+        """Return the solution mu of G mu = r for a symmetric G; 0 where the pivot is LEAST."""
+        emit, r, mu = self.values.emit, [*r], [None] * len(r)
+        for a, _, later in self.steps:
+            for b, factor in later:
+                r[b] = emit("fsub", r[b], emit("fmul", factor, r[a]))
+        for a, inverse, later in reversed(self.steps):
+            known = dot(emit, [(self.G[a][b], mu[b]) for b, _ in later])
+            rest = r[a] if known is None else emit("fsub", r[a], known)
+            mu[a] = emit("fmul", rest, inverse)
+        return mu
 
 
 def projection_of(f):
     """Return the `Program` that projects x, and reads x, w (D each), c, and f's table."""
     D, k = f.D, f.invariants_count
-    first = 2 * D + k
-    values = Expressions(first + len(f.table))
-    known = {i: i for i in range(D)} | {a: first + place for a, place in f.places.items()}
-    found, J = emitted(values, f.invariants, known), [{} for _ in range(k)]
-    for (a, j), slope in zip(f.invariants_places, found[k:], strict=True):
-        if j not in f.steady:
-            J[a][j] = slope
-    emit = values.emit
-    r = [emit("fsub", found[a], 2 * D + a) for a in range(k)]
-    scaled = [{j: emit("fmul", slope, D + j) for j, slope in row.items()} for row in J]
-    G = [{} for _ in range(k)]
-    for a in range(k):
-        for b in range(a, k):
-            common = [(scaled[a][j], scaled[b][j]) for j in scaled[a] if j in scaled[b]]
-            if common or a == b:
-                G[a][b] = G[b][a] = dot(emit, common) if common else 0.0
-    mu = _solved(values, G, r)
-    results, is_right = [*range(D)], values.number(0.0).equals(0.0)
-    for j in range(D):
-        pairs = [(scaled[a][j], mu[a]) for a in range(k) if j in scaled[a]]
-        if pairs:
-            part = values.number(dot(emit, pairs))  # the move in units of allowed errors
-            new = values.number(j) - part * values.number(D + j)
+    formulas, x = _Formulas(f, 2 * D + k), [*range(D)]
+    number, allowed = formulas.values.number, range(D, 2 * D)
+    for rows, moving in formulas.halves():
+        r, J = formulas.at(x, rows, moving)
+        w = formulas.weights({j for row in J for j in row})
+        parts = formulas.moves(r, J, {j: a.number for j, a in w.items()})
+        x = [(number(a) - parts[j] * w[j]).number if j in w else a for j, a in enumerate(x)]
+    if k > f.constraints_count:
+        values, J = formulas.at(x, range(k), range(D))
+        r = [formulas.values.emit("fsub", a, 2 * D + n) for n, a in enumerate(values)]
+        is_right, new = number(0.0).equals(0.0), {}
+        for j, part in formulas.moves(r, J, allowed).items():
+            new[j] = number(x[j]) - part * number(allowed[j])
             is_right = is_right & (abs(part) <= MOST)
             if j in f.of_one_sign:
-                is_right = is_right & (new * values.number(j) >= 0.0)
-            results[j] = new
-    chosen = [a if a is j else is_right.select(a, values.number(j)) for j, a in enumerate(results)]
-    return program_of(values.operations, [getattr(a, "number", a) for a in chosen])
+                is_right = is_right & (new[j] * number(x[j]) >= 0.0)
+        for j, a in new.items():
+            x[j] = is_right.select(a, number(x[j])).number
+    return program_of(formulas.values.operations, x)
 
 
-def on_constraints_of(f):
-    """Return the `Program` that reads x and f's table: 1 if x is on the constraints, else 0."""
-    D, k = f.D, f.constraints_count
-    values = Expressions(D + len(f.table))
-    known = {i: i for i in range(D)} | {a: D + place for a, place in f.places.items()}
-    found, number = emitted(values, f.invariants, known), values.number
-    sizes, slopes = [number(0.0)] * k, found[f.invariants_count :]
-    for (a, j), slope in zip(f.invariants_places, slopes, strict=True):
-        if a < k:
-            sizes[a] = sizes[a] + abs(number(slope) * number(j))
-    largest = functools.reduce(larger, sizes)
-    is_on = number(0.0).equals(0.0)
-    for residual, size in zip(found[:k], sizes, strict=True):
-        is_on = is_on & (abs(number(residual)) <= larger(OFF * size, ROUNDING * largest))
-    return program_of(values.operations, [is_on.select(1.0, 0.0).number])
+def regular_of(f):
+    """Return the `Program` that reads x, w (D each), c, the state x_0 before x, and f's table.
+
+    Its result is 1 if constraints are independent from x_0 to x, see above. Otherwise it is -1 if
+    the states differ by less than the allowed errors, else 0.
+    """
+    D, before = f.D, 2 * f.D + f.invariants_count
+    formulas, before = _Formulas(f, before + D), range(before, before + D)
+    number, (_, (rows, moving)) = formulas.values.number, formulas.halves()
+    A_0, A = (formulas.at(x, rows, moving)[1] for x in (before, range(D)))
+    between, at_end = (_Elimination(formulas.values, each, A) for each in (A_0, A))
+    w = formulas.weights(range(f.positions))
+    steps = [abs(number(j) - number(before[j])) / w[j] for j in range(f.positions)]
+    length = joined("max", [larger(each, 0.0) for each in steps])  # 0 for 0 / 0
+    fall = smaller(length / NEAR, FALL)
+    is_regular = number(0.0).equals(0.0)
+    for c, p, entry in zip(between.pivots, at_end.pivots, at_end.diagonal, strict=True):
+        c, p = number(c), number(p)
+        is_regular = is_regular & (c > 0.0) & (c - p <= fall * p + OF_PIVOTS * number(entry))
+    found = is_regular.select(1.0, (length < 1.0).select(-1.0, 0.0))
+    return program_of(formulas.values.operations, [found.number])
 
 
-def _solved(values, G, r):
-    """Return the solution of G mu = r for rows {column: operand} of a symmetric, positive G."""
-    emit = values.emit
-    least = [emit("fmul", LEAST, row[a]) for a, row in enumerate(G)]
-    order = elimination_order([(a, b) for a, row in enumerate(G) for b in row], len(G))
-    steps, mu = [], [None] * len(G)
-    for n, a in enumerate(order):
-        pivot = values.number(G[a][a])
-        inverse = (pivot > values.number(least[a])).select(1.0 / pivot, 0.0).number
-        later = [b for b in order[n + 1 :] if b in G[a]]
-        for m, b in enumerate(later):
-            factor = emit("fmul", G[a][b], inverse)
-            r[b] = emit("fsub", r[b], emit("fmul", factor, r[a]))
-            for c in later[m:]:
-                part = emit("fmul", factor, G[a][c])
-                G[b][c] = G[c][b] = emit("fsub", G[b].get(c, 0.0), part)
-        steps.append((a, inverse, later))
-    for a, inverse, later in reversed(steps):
-        known = dot(emit, [(G[a][b], mu[b]) for b in later])
-        rest = r[a] if known is None else emit("fsub", r[a], known)
-        mu[a] = emit("fmul", rest, inverse)
-    return mu
+def test_of_start(f):
+    """Return the `Program` that reads x and f's table, and tests a start on constraints.
+
+    Its results are 1 if x is on the constraints, else 0; 1 if they are independent there, else 0;
+    and the largest modulus of a residual.
+    """
+    formulas = _Formulas(f, f.D)
+    number, rows, x = formulas.values.number, range(f.constraints_count), range(f.D)
+    residuals, slopes = formulas.at(x, rows, x)
+    residuals = [abs(number(a)) for a in residuals]
+    sizes = [
+        joined("fadd", [abs(number(a) * number(j)) for j, a in row.items()] or [number(0.0)])
+        for row in slopes
+    ]
+    largest, is_true = joined("max", sizes), number(0.0).equals(0.0)
+    is_on, is_regular = is_true, is_true
+    for residual, size in zip(residuals, sizes, strict=True):
+        is_on = is_on & (residual <= larger(OFF * size, ROUNDING * largest))
+    phi, v = formulas.halves()[1]
+    A = [{j: a for j, a in slopes[row].items() if j in v} for row in phi]
+    elimination = _Elimination(formulas.values, A, A)
+    for pivot, entry in zip(elimination.pivots, elimination.diagonal, strict=True):
+        is_regular = is_regular & (number(pivot) > LEAST * number(entry))
+    tests = [each.select(1.0, 0.0).number for each in (is_on, is_regular)]
+    return program_of(formulas.values.operations, [*tests, joined("max", residuals).number])

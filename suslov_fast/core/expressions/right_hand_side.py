@@ -11,7 +11,7 @@ from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import results_at
 from .programs import Expressions, Program, folded, needed_for
-from .projection import on_constraints_of, projection_of
+from .projection import NOTHING, projection_of, regular_of, test_of_start
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
 
@@ -62,7 +62,7 @@ class RightHandSide:
                  j = D, ... are the parameters `by`
     projection   `Program` of the projection of a state onto invariants (constraints, then first
                  integrals), or None; `levels` is the `Program` of their values, 0 for constraints;
-                 `on_constraints` is the `Program` that tests a start
+                 `regular` tests the constraints along a step, and `start` at its begin
     longest      operand of the longest step, a function of parameters, see `pulses`
     of, columns  f and 0; in a `Variational`, the right-hand side of x and the number of columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
@@ -72,7 +72,7 @@ class RightHandSide:
     is_written = True
 
     def __init__(
-        self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=(), invariants=(0, ())
+        self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=(), invariants=NOTHING
     ):
         """Plan f with the D rates `results`, operands in the `Expressions` `values`.
 
@@ -84,7 +84,7 @@ class RightHandSide:
         self.D, self.P, self.products = D, P, products_in(of_f)
         wanted = [*(a for _, of, _ in self.products for a in of), *results]
         self.height = len(wanted)
-        constraints, kept_values = invariants
+        kept_values, constraints, self.positions = invariants
         differentiated = [*wanted, *surfaces[:jumps], *kept_values]
         rows = gradients(values, of_f, differentiated, D, by)
         slopes, of_surfaces = rows[: self.height], rows[self.height : self.height + jumps]
@@ -127,7 +127,7 @@ class RightHandSide:
 
     is_dense, columns, hybrid = False, 0, Hybrid()
     of = property(lambda self: self)
-    invariants_count = constraints_count = 0
+    invariants_count = constraints_count = positions = 0
     entries = property(lambda self: len(self.pattern))
 
     @cached_property
@@ -135,8 +135,12 @@ class RightHandSide:
         return projection_of(self) if self.invariants_count else None
 
     @cached_property
-    def on_constraints(self):
-        return on_constraints_of(self)
+    def regular(self):
+        return regular_of(self) if self.constraints_count else None
+
+    @cached_property
+    def start(self):
+        return test_of_start(self)
 
     @cached_property
     def work(self):

@@ -49,7 +49,7 @@ class Variational(RightHandSide):
         self.longest, self.hybrid = f.longest, f.hybrid
         self.invariants_count = f.invariants_count
         if f.invariants_count:
-            self.projection, self.levels = f.projection, f.levels
+            self.projection, self.levels, self.regular = f.projection, f.levels, f.regular
         self.denominators = poles
         self.f = Program(values.operations, self.f.results)
         self.with_denominators = Program(self.f.operations, [*self.f.results, *poles])

@@ -113,8 +113,8 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
     of_start, of_test = (0, 0)
     if f.of.constraints_count:
-        of_start, of_test = code_of_program(f.of, "on_constraints")
-        of_test += f.of.D + len(f.of.table) + 1
+        of_start, of_test = code_of_program(f.of, "start")
+        of_test += f.of.D + len(f.of.table) + len(f.of.start.results)
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
     rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(f, settings, 1))
     row = np.zeros(rows.size)
@@ -241,7 +241,7 @@ def _is_on_constraints(system, memory):
     for k in range(n):
         start[D + k] = memory[plan[PLAN.table] + k]
     call_code(plan[PLAN.of_constraints], (start.ctypes.data,))
-    return start[D + n] == 1.0
+    return start[D + n] * start[D + n + 1] == 1.0
 
 
 @function

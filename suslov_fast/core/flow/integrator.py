@@ -88,6 +88,9 @@ class Integrator:
             first = 2 * f.of.D + f.of.invariants_count
             places = {first + k: k for k in range(len(f.of.table))}
             self.functions["project"] = ProgramFunction(f.of.projection, first, places)
+            if f.of.regular:
+                first, places = first + f.of.D, {p + f.of.D: k for p, k in places.items()}
+                self.functions["regular"] = ProgramFunction(f.of.regular, first, places)
             self.functions["invariants"] = ProgramFunction(f.of.levels, f.of.D, f.of.places)
         self.factors = self._add_implicit() if is_implicit else 0
         self.rows = rows_of_trajectory(self)

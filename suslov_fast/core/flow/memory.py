@@ -158,8 +158,8 @@ def rows_of_work(integrator):
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
         tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
-        # Inputs of `project`: the state, allowed errors, and levels.
-        projecting=bool(kept) * 2 * of_x.D + kept,
+        # Inputs of `project`: the state, allowed errors, and levels; of `regular` also x.
+        projecting=bool(kept) * 3 * of_x.D + kept,
         projected=bool(kept) * of_x.D,  # the state after a projection
         invariants=kept,  # values of invariants
         # States and rates, see `gragg.in_lanes`.

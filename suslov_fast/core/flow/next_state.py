@@ -28,8 +28,9 @@ def KEPT(x, new, keeps, kept, extra, rtol, size):
 def find_next_state(code):
     """Write the next state, f at this state, and errors to the rows `new`, `f_new` and `error`.
 
-    Return `kept`, which is 0 where a component or a denominator loses its sign, and two dicts
-    {input of kernels of `tolerance`: number}, from maxima over x, and over columns of derivatives.
+    Return `kept`, which is 0 where a component or a denominator loses its sign, or constraints lose
+    their rank (-1 ends the solution), and two dicts {input of kernels of `tolerance`: number}, from
+    maxima over x, and over columns of derivatives.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.weights, integrator.error_weights
@@ -57,7 +58,7 @@ def find_next_state(code):
         least = larger_of(code.number("rtol") * (smallest * sums.top), TINY)
         sizes.append({"moved": sums.moved, "least": least, "noisy": tolerance.NOISY * sums.top})
     projection.project(code, work.new)
-    kept = sums.kept
+    kept = projection.kept_by_constraints(code, sums.kept)
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators that depend on time alone
         kept = _changes_sign(line.f[k], work.f_new[k]).select(0.0, kept)

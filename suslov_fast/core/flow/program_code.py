@@ -19,15 +19,17 @@ TABLE = "table"
 def code_of_program(f, name):
     """Return the code of a program of f, and how many temporary numbers the code needs.
 
-    `name` is "f", "derivative", or TABLE for f's table. The code reads the state (D,) and the table
-    (n,), or for TABLE the parameters (P,). The results, and temporary numbers, follow in memory.
+    `name` is "f", "derivative", "start", or TABLE for f's table. The code reads the state (D,) and
+    the table (n,), or for TABLE the parameters (P,). The results, and temporary numbers, follow in
+    memory.
     """
     if name == TABLE:
         function, skipped, given = ProgramFunction(Program(f.fixed, f.table), f.D + f.P), f.D, f.P
         results = len(f.table)
     else:
         program = getattr(f, name)
-        function, skipped = ProgramFunction(program, f.D, f.places), 0
+        places = {f.D + k: k for k in range(len(f.table))} if name == "start" else f.places
+        function, skipped = ProgramFunction(program, f.D, places), 0
         given, results = f.D + len(f.table), len(program.results)
 
     def text_of(own):

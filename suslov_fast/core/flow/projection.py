@@ -21,6 +21,21 @@ def project(code, state):
     text.copy(code.work.projected, state, f.D)
 
 
+def kept_by_constraints(code, kept):
+    """Return `kept`; 0 or -1 in lanes whose constraints lose their rank in the step to `new`.
+
+    If it is -1, this happens within the allowed error of x, so the solution ends.
+    """
+    f, given, line = code.f.of, code.work.projecting, code.line
+    if not f.regular:
+        return kept
+    code.text.copy(code.work.new, given, f.D)
+    code.text.copy(line.x, given.after(2 * f.D + f.invariants_count), f.D)
+    code.call("regular", given, code.table, code.work.projected)
+    found = code.work.projected[0]
+    return (found < 0.0).select(found, kept * found)
+
+
 def keep_levels(code, truth, state):
     """Let the invariants have their values at `state` from now on, in lanes `truth`."""
     if code.f.of.projection:

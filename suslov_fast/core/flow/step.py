@@ -111,6 +111,8 @@ def _accept(code, errors, t):
     """Decide which lanes accept the step, also in `errors`, and how long the next step is."""
     line, work = code.line, code.work
     found = code.apply(step_length.after(code.integrator.order), **errors, last=code.goal())
+    if code.f.of.regular:
+        found["wanted"] = (errors["kept"] < 0.0).select(0.0, found["wanted"])
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
     code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
     if code.integrator.events:  # a step cut at an event's given time does not shorten the next step

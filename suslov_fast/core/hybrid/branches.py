@@ -23,6 +23,7 @@ from ..expressions.programs import (
     program_of,
     renamed,
 )
+from ..expressions.projection import NOTHING
 from ..expressions.right_hand_side import Hybrid, RightHandSide
 from ..expressions.tables import LARGEST, Table, is_table
 from ..expressions.values import larger, operand_of, smaller
@@ -139,7 +140,7 @@ def watch_of(f, events, surfaces):
     return program_of(values.operations, results)
 
 
-def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), invariants=(0, ())):
+def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), invariants=NOTHING):
     """Return the `RightHandSide` f with the rates `results`, in which branches are parameters.
 
     `results` are operands in `values`, functions of the state and P parameters. The branches, and
@@ -148,21 +149,20 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), inva
     later (`variational`). `actions` are `EventAction`s: first those of events on surfaces, then
     those of events at times.
     """
-    constraints, invariants = invariants
-    elapsed, D = ElapsedTime(values, results, P, actions, invariants), len(results)
+    elapsed, D = ElapsedTime(values, results, P, actions, invariants.operands), len(results)
     values, results, actions, P = elapsed.values, elapsed.results, elapsed.actions, elapsed.P
-    offsets, invariants = elapsed.offsets, elapsed.invariants
+    offsets, invariants = elapsed.offsets, invariants._replace(operands=elapsed.invariants)
     # An argument of a table is p + q, with q constant along a step (`explicit_time`). In `shifted`
     # q depends on parameters alone, but not on those in `by`, and shifts the knots. Any other q
     # stays in the argument, as -24 floor(t / 24) in t - 24 floor(t / 24).
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in elapsed.shifts.items() if q in rigid}
-    kept = program_of(values.operations, invariants)
+    kept = program_of(values.operations, invariants.operands)
     events = event_set_of(actions, D, P, by, twice, kept) if actions else None
     of_events = [action.surface for action in actions if action.surface is not None]
     of_events = [emitted(values, surface)[0] for surface in of_events]
     events_on_surfaces = [Surface("event", k) for k in range(len(of_events))]
-    operations = needed_for(values.operations, [*results, *of_events, *invariants])
+    operations = needed_for(values.operations, [*results, *of_events, *invariants.operands])
     clocks = () if twice or by else offsets
     of_states = depending(operations, {*range(D)}.difference(clocks))
     moving = depending(operations, [i for i, rate in enumerate(results) if not same(rate, 0.0)])
@@ -173,7 +173,7 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), inva
         given += surfaces[number].parameters
     if not surfaces:
         kept = range(D, D + P) if actions or offsets else ()
-        given_to = {"kept": kept, "invariants": (constraints, invariants)}
+        given_to = {"kept": kept, "invariants": invariants}
         f = RightHandSide(values, results, P, by, of_events, **given_to)
         f.hybrid = Hybrid(events, offsets=offsets)
         if of_events:
@@ -191,7 +191,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), inva
     fixed.take_written(values, new)
     evaluated = [*of_branches, *(new[a] for a in of_events), *shifts]
     given_to = {"surfaces": evaluated, "jumps": len(jumps), "kept": range(D, given)}
-    given_to["invariants"] = constraints, renamed(invariants, new)
+    renamed_rows = renamed(invariants.operands, new)
+    given_to["invariants"] = invariants._replace(operands=renamed_rows)
     f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
     # A rate that depends on branches is constant along a step of f, but not along the motion. So
     # the steady components are those of f before its branches became parameters.

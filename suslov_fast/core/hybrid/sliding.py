@@ -18,6 +18,7 @@ import numpy as np
 from ..expressions.function_records import same
 from ..expressions.numpy_evaluation import results_at
 from ..expressions.programs import emitted, folded, program_of, renamed
+from ..expressions.projection import NOTHING
 from ..expressions.values import Number, joined, operand_of
 from .constraint_forces import Constraint, ExtendedState
 from .contacts import FAR, LEAST, SOON, Contact, Contacts, may_be_contact
@@ -143,8 +144,7 @@ class _Rates:
 class SlidingEquations(_Rates):
     """Equations with modes; `actions` are the `EventAction`s of events, events on surfaces first.
 
-    `invariants` is how many constraints of mechanics there are, and operands of their residuals,
-    then of first integrals, to which steps are projected.
+    Steps are projected to `invariants`.
 
     The first mode is infinite if no combination of modes is consistent, or if several are. `sign`
     is the sign of the time.
@@ -161,9 +161,9 @@ class SlidingEquations(_Rates):
     surfaces_of_events  the number of events on surfaces
     """
 
-    def __init__(self, values, results, D, P, actions=(), sign=1, invariants=(0, ())):
+    def __init__(self, values, results, D, P, actions=(), sign=1, invariants=NOTHING):
         f, self.size = program_of(values.operations, results), 0
-        kept = invariants[0], program_of(values.operations, invariants[1])
+        kept = invariants.constraints, program_of(values.operations, invariants.operands)
         self.sign = sign = float(sign)
         comparisons, pairs = _comparisons_in(values, f)
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}

@@ -2,19 +2,16 @@
 
 LAPACK and BLAS add in an order that depends on the processor, and NumPy's sums in one that depends
 on the shape. Tangent vectors take part in the choice of steps, so a chaotic motion would depend on
-the last digits of their decomposition. NumPy's products of entries, and accumulated sums, round
-each operation by itself, in one order.
+the last digits of their decomposition. Here each operation is rounded by itself, in one order.
 """
 
 import numpy as np
 
 from ..checks import FloatArray
+from ..core.numba.orthonormal import decompose_each
 
-
-def added(terms: FloatArray) -> FloatArray:
-    """Return the sums of terms (n, ...) along the first axis, added in their order."""
-    total: FloatArray = np.add.accumulate(terms)[-1]
-    return total
+# Before `decompose_each` is compiled, NumPy takes _IN_NUMPY n**3 (K + _CALL) seconds.
+_IN_NUMPY, _CALL = 4e-9, 500
 
 
 def dual_product(A: FloatArray, B: FloatArray) -> FloatArray:
@@ -31,25 +28,8 @@ def orthonormal(V: FloatArray) -> tuple[FloatArray, FloatArray]:
     Columns of Q are orthonormal for any finite V, also where columns of V depend on others.
     """
     K, n, _ = V.shape
-    A = np.array(np.moveaxis(V, 0, -1), order="C")  # (row, column, K)
-    Q = np.zeros((n, n, K))
-    Q[range(n), range(n)] = 1.0
-    diagonal, normals = np.empty((n, K)), []
-    for k in range(n):
-        exponent = np.frexp(abs(A[k:, k]).max(axis=0))[1]
-        normal = np.ldexp(A[k:, k], -exponent)
-        length = np.sqrt(added(normal * normal))
-        diagonal[k] = np.ldexp(length, exponent)
-        normal[0] += np.copysign(length, normal[0])
-        normals.append(normal)
-        _reflect(A[k:, k + 1 :], normal)
-    for k in reversed(range(n)):
-        _reflect(Q[k:, k:], normals[k])
-    return np.moveaxis(Q, -1, 0), diagonal.T
-
-
-def _reflect(columns: FloatArray, normal: FloatArray) -> None:
-    """Reflect columns (m, c, K) in the planes with normals (m, K); in none where these are 0."""
-    square = added(normal * normal)
-    along = added(normal[:, np.newaxis] * columns) * (2.0 / np.where(square > 0.0, square, 1.0))
-    columns -= normal[:, np.newaxis] * along
+    Q, diagonal = np.empty((K, n, n)), np.empty((K, n))
+    seconds = _IN_NUMPY * n**3 * (K + _CALL)
+    memory = np.empty((1, n, n)), np.empty((1, n))
+    decompose_each.interpreted_or_serial(seconds, np.array(V, order="C"), Q, diagonal, *memory)
+    return Q, diagonal

@@ -60,8 +60,9 @@ class TangentSpaces:
 
 def within(basis: FloatArray, slopes: FloatArray) -> FloatArray:
     """Return the part of matrices (..., n, n) within the space of the columns (..., n, d)."""
-    part: FloatArray = np.swapaxes(basis, -2, -1) @ slopes @ basis
-    return part
+    *batch, n, d = basis.shape
+    of, by = (a.reshape(math.prod(batch), n, a.shape[-1]) for a in (basis, slopes))
+    return dual_product(of, dual_product(np.swapaxes(by, 1, 2), of)).reshape(*batch, d, d)
 
 
 def block_diagonal(blocks: FloatArray) -> FloatArray:

@@ -4,18 +4,20 @@ Of a linear field x' = (1 - A) x and eps = 2 the matrix of a step is A, so that 
 what each rule of elimination is for.
 """
 
+from fractions import Fraction
 from functools import partial
 
 import naive
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import spsolve
+from last_digits import PROCESSORS, changed
+from scipy.sparse import csc_array, csc_matrix
+from scipy.sparse.linalg import splu, spsolve
 from systems import chain, exactly, lorenz, rates_of_henon_heiles
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
-from suslov_fast.core.maps import kernel
+from suslov_fast.core.maps import kernel, superlu
 from suslov_fast.core.maps.pivoting import pivoting_step
 from suslov_fast.core.maps.step_system import steps_of_one
 from suslov_fast.core.numba import status_codes as codes
@@ -341,3 +343,49 @@ def test_large_lattices_on_poles_and_out_of_range(rng):
     assert [*run.status] == [codes.SINGULAR, codes.OK, codes.NONFINITE]
     assert [*run.failed_at] == [1, -1, 1]
     assert np.isfinite(run.final).all(axis=1).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("distance", [1.0, 1e-6, 1e-10])
+def test_refined_solutions_are_rounded_exact_ones(rng, distance):
+    """Of sparse systems with a row at a distance from another one, beside fractions."""
+    D = 12
+    A = np.where(rng.random((D, D)) < 0.4, rng.normal(size=(D, D)), 0.0) + np.eye(D)
+    A[1] = A[0] + distance * rng.normal(size=D)
+    right = rng.normal(size=D) * 10.0 ** rng.integers(-8, 3, D)
+    rows = [[*map(Fraction, row), Fraction(b)] for row, b in zip(A, right, strict=True)]
+    for k in range(D):
+        p = max(range(k, D), key=lambda i, k=k: abs(rows[i][k]))
+        rows[k], rows[p] = rows[p], rows[k]
+        rows[k] = [a / rows[k][k] for a in rows[k]]
+        for i in {*range(D)} - {k}:
+            rows[i] = [a - rows[i][k] * b for a, b in zip(rows[i], rows[k], strict=True)]
+    matrix = csc_matrix(A)
+    for seed in PROCESSORS:
+        found = superlu._refined(OtherFactors(splu(matrix), seed), matrix, right)
+        np.testing.assert_array_equal(found, [float(row[-1]) for row in rows])
+
+
+class OtherFactors:
+    """Factors by SuperLU, with other last digits of solutions."""
+
+    def __init__(self, factors, seed):
+        self.factors, self.seed = factors, seed
+
+    def __getattr__(self, name):
+        return getattr(self.factors, name)
+
+    def solve(self, right):
+        found = self.factors.solve(right)
+        return found if self.seed is None else changed(found, self.seed)
+
+
+def other_factors(seed, *arguments, **options):
+    return OtherFactors(splu(*arguments, **options), seed)
+
+
+def test_large_lattices_do_not_depend_on_the_processor(rng, monkeypatch):
+    field, x0 = populations(rng)[0], rng.uniform(0.2, 1.0, 400)
+    run = sf.iterate(field, x0, 1.0, 20)
+    for seed in PROCESSORS[1:]:
+        monkeypatch.setattr(superlu, "splu", partial(other_factors, seed))
+        np.testing.assert_array_equal(sf.iterate(field, x0, 1.0, 20).states, run.states)

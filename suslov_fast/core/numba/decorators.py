@@ -279,6 +279,7 @@ class Kernel(Tiered):
     # in_numpy(*arguments) does the work of a kernel of steps for all trajectories side by side,
     # with the same bits, and returns True; it returns False if only the kernel can do it.
     in_numpy = None
+    in_python = None  # a function that replaces the interpreted kernel, with the same bits
     is_compiled = False
 
     def __init__(self, py_function):
@@ -301,7 +302,7 @@ class Kernel(Tiered):
         if self.is_compiled or not self.is_warming_up(seconds) or self._is_kept(arguments):
             self.serial(*arguments)
         else:
-            self.interpret(as_python(self.py_func), 0, 1, *arguments)
+            self.interpret(self.in_python or as_python(self.py_func), 0, 1, *arguments)
 
     def by_numpy(self, *arguments):
         """Return True after taking the steps by NumPy: if they are few and nothing is compiled."""

@@ -1,0 +1,34 @@
+"""Orthonormal columns by reflections: compiled, in NumPy, alone and in batches."""
+
+import numpy as np
+import pytest
+
+from suslov_fast.core.numba.orthonormal import decompose_each
+from suslov_fast.maps.orthonormal import orthonormal
+
+
+def by(function, V):
+    K, n, _ = V.shape
+    found = np.empty((K, n, n)), np.empty((K, n))
+    function(V.copy(), *found, np.empty((1, n, n)), np.empty((1, n)))
+    return found
+
+
+@pytest.mark.parametrize("size", [1e-310, 1.0, 1e200])
+@pytest.mark.parametrize(
+    ("K", "n", "rank"), [(1, 1, 1), (6, 3, 3), (5, 5, 2), (2, 9, 9), (3, 4, 0)]
+)
+def test_columns(rng, K, n, rank, size):
+    V = size * (rng.normal(size=(K, n, rank)) @ rng.normal(size=(K, rank, n)))
+    Q, diagonal = orthonormal(V)
+    np.testing.assert_allclose(np.swapaxes(Q, 1, 2) @ Q, np.tile(np.eye(n), (K, 1, 1)), atol=1e-14)
+    R = np.swapaxes(Q, 1, 2) @ V
+    near = 1e-13 * abs(V).max() + 1e-322
+    np.testing.assert_allclose(np.tril(R, -1), 0.0, atol=near)
+    np.testing.assert_allclose(abs(np.diagonal(R, axis1=1, axis2=2)), diagonal, atol=near)
+    in_numpy = by(lambda *a: decompose_each.in_python(0, 1, *a), V)
+    for found in (by(decompose_each.serial, V), in_numpy):
+        for one, other in zip(found, (Q, diagonal), strict=True):
+            np.testing.assert_array_equal(one, other)
+    for one, other in zip(orthonormal(V[-1:]), (Q, diagonal), strict=True):
+        np.testing.assert_array_equal(one[0], other[-1])

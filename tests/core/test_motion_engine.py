@@ -15,7 +15,8 @@ from suslov_fast.core.flow import batch_solver, step_length, vector_functions
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
 from suslov_fast.core.flow.code_arguments import NUMBER
 from suslov_fast.core.flow.memory import LaneState
-from suslov_fast.core.flow.weights import implicit_columns, weights
+from suslov_fast.core.flow.rules import rule_of
+from suslov_fast.core.flow.weights import weights
 
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")
 
@@ -140,11 +141,10 @@ def test_steps_are_those_of_the_formulas(name, stiff):
     field, x0, last = case(name)
     _, f, table = field._right_hand_sides[0]
     settings, compared = batch_solver.Settings(1e-6, stiff=stiff), 0
-    integrator = batch_solver.integrator_of(f, False, settings)
-    columns = explicit_end, integrator.columns, 2, integrator.sets
+    rule = rule_of(f, LaneState.IMPLICIT if stiff else LaneState.EXPLICIT, settings.rtol)
+    columns = explicit_end, rule.columns, 2, getattr(rule, "sets", None)
     if stiff:
-        numbers = implicit_columns(settings.rtol)
-        columns = implicit_end, numbers, 1, lambda x: f.jacobian(x, table[0])
+        columns = implicit_end, rule.columns, 1, lambda x: f.jacobian(x, table[0])
     for x in x0[np.isfinite(x0).all(axis=1)]:
         tried = attempts(f, table[0], x, last, settings)
         for (t, before), (later, after) in itertools.islice(itertools.pairwise(tried), 16):

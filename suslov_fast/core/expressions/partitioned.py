@@ -29,6 +29,7 @@ class ComponentSets(NamedTuple):
     B: list
 
 
+@functools.lru_cache(64)
 def sets_of(f):
     """Return the `ComponentSets` of a `RightHandSide`, or None if Störmer's rule cannot use any."""
     if f.is_dense or f.hybrid.branches is not None:  # with branches, columns need Gragg's smoothing

@@ -19,10 +19,10 @@ from .growing_components import many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
+from .rules import rule_of
 from .step_length import MOST_STEPS, first_part, limit_of
 from .step_loop import text_of_integrator
 from .tolerance import floors_of
-from .weights import explicit_columns, implicit_columns
 
 WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
 BLOCK = 1024  # trajectories that one thread takes at a time
@@ -48,11 +48,9 @@ class Settings(NamedTuple):
     stiff: bool | None = None  # True if all steps are implicit, None if the solver chooses
 
 
-def integrator_of(f, is_implicit, settings, is_relative=False):
-    """Return the `Integrator` of f, explicit or implicit, for the tolerances in `settings`."""
-    explicit = explicit_columns(settings.rtol, bool(f.hybrid.watch))
-    columns = implicit_columns(settings.rtol) if is_implicit else explicit
-    return _integrator(f, is_implicit, columns, settings.atol is not None, is_relative)
+def integrator_of(f, mode, settings, is_relative=False):
+    """Return the `Integrator` of f for lanes in this `LaneState`, with tolerances in `settings`."""
+    return _integrator(rule_of(f, mode, settings.rtol), settings.atol is not None, is_relative)
 
 
 def closer(settings):
@@ -96,7 +94,7 @@ def components_of(f, settings):
 @functools.lru_cache(256)
 def numbers_of(f, settings, sign):
     """Return `SharedNumbers`, which all lanes share, as an array; `sign` of time is 1 or -1."""
-    order = 2 * len(explicit_columns(settings.rtol, bool(f.hybrid.watch)))
+    order = rule_of(f, LaneState.EXPLICIT, settings.rtol).order
     return array("d", SharedNumbers(
         rtol=settings.rtol,
         last=inf,
@@ -245,8 +243,7 @@ class BatchSolver:
 
     def integrator(self, mode):
         """Return the `Integrator` for lanes in this `LaneState`, EXPLICIT or IMPLICIT."""
-        is_implicit, settings = mode == LaneState.IMPLICIT, self.request.settings
-        return integrator_of(self.f, is_implicit, settings, self.is_relative)
+        return integrator_of(self.f, mode, self.request.settings, self.is_relative)
 
     def run(self, threads=1, begun=None):
         """Take all steps, from the start or from `begun`, where `solve_small_batch` stopped.

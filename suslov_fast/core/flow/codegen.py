@@ -7,7 +7,6 @@ from math import inf
 
 from ..llvm.text import Integers, Shared, Truth
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
-from .memory import LaneState
 
 
 class FunctionCode:
@@ -58,8 +57,7 @@ class StepCode(FunctionCode):
     @property
     def mode(self):
         """The `LaneState` of lanes that take steps with this integrator: EXPLICIT or IMPLICIT."""
-        mode = LaneState.IMPLICIT if self.integrator.is_implicit else LaneState.EXPLICIT
-        return self.text.value(float(mode))
+        return self.text.value(float(self.integrator.rule.mode))
 
     def number(self, name):
         """Return the number `name`, such as "rtol", of `SharedNumbers`, which all lanes share."""
@@ -93,7 +91,7 @@ class StepCode(FunctionCode):
 
     def of_columns(self, rows, i):
         """Return a list: component i of each column. `rows` has D rows a column, as `work.ends`."""
-        return [rows.after(c * self.D)[i] for c in range(len(self.integrator.columns))]
+        return [rows.after(c * self.D)[i] for c in range(len(self.integrator.rule.columns))]
 
     def goal(self):
         """Return the time that no step passes: the last one, or the next given time of an event."""

@@ -65,7 +65,7 @@ def save_between(code):
     _find_nodes(code)
     _test(code)
     for now in code.text.rounds(Carried()):
-        n = code.integrator.nodes
+        n = code.integrator.rule.nodes
         v = float(n) * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
         _put_between(code, weights_at(v, n))
         project(code, code.work.start)
@@ -79,7 +79,7 @@ def save_states(code):
     served = work.served[0] > 0.0
     with text.when((served | _passed(code, Value.__ge__)).any(), likely=False):
         save(code, served.bits(), work.new)
-        if not code.integrator.is_implicit:
+        if code.integrator.rule.interpolates:
             with text.when(_passed(code, Value.__gt__).any()):
                 text.invoke(f"{code.name}_between", code.arguments)
         if not code.integrator.events:
@@ -115,7 +115,7 @@ def _reached(code):
 def _find_nodes(code):
     """Write states and f after parts of a step to `nodes`."""
     text, line, work, D = code.text, code.line, code.work, code.D
-    columns, n = code.integrator.columns, code.integrator.nodes
+    columns, n = code.integrator.rule.columns, code.integrator.rule.nodes
     part = (1.0 / n) * (code.number("sign") * work.taken[0])
     work.signed[0] = _passed(code, Value.__gt__).select(part, 0.0)
     FEW = few_of(columns)
@@ -149,7 +149,7 @@ def _test(code):
     """Reject the step if interpolation fails: the polynomial is not finite, or not accurate."""
     text, line, work, D = code.text, code.line, code.work, code.D
     sums = Carried(ratio=0.0, total=0.0)
-    n = code.integrator.nodes
+    n = code.integrator.rule.nodes
     for v in (TEST, n - TEST):
         both = weights_at(complex(v, 2.0**-60), n)  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
         _put_between(code, [[weight.real for weight in each] for each in both])
@@ -176,7 +176,7 @@ def _test(code):
 def _between(code, weights, i):
     """Return component i of p(v) - x, or of p'(v), by its weights, see `weights_at`."""
     line, work, D = code.line, code.work, code.D
-    nodes = [work.nodes.after(2 * k * D) for k in range(code.integrator.nodes - 1)]
+    nodes = [work.nodes.after(2 * k * D) for k in range(code.integrator.rule.nodes - 1)]
     x, (of_states, of_rates) = line.x[i], weights
     states = [state[i] - x for state in (*nodes, work.new)]
     rates = [rate[i] for rate in (line.f, *(node.after(D) for node in nodes), work.f_new)]

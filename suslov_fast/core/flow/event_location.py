@@ -74,19 +74,6 @@ def QUARTIC(x, new, f, f_new, signed, f_point):
 
 
 @scalar_kernel
-def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
-    """Return a component at the fraction u of an implicit step, on the quartic through quarters.
-
-    Rates at both ends are not used, because they contain fast modes of stiff equations.
-    """
-    v = [4.0 * u - float(k) for k in range(5)]
-    of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
-    outer, inner = v[0] * v[2] * v[4] * (-1.0 / 6.0), v[0] * v[1] * v[3] * v[4] * 0.25
-    sides = outer * v[3] * quarter1 + outer * v[1] * quarter3
-    return {"point": x + (sides + inner * quarter2 + of_new * (new - x))}
-
-
-@scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     """Update the first crossing in a step with the next interval between two points of the step.
 
@@ -162,14 +149,14 @@ def OUTCOME(
 @scalar_kernel
 def SEARCH(
     taken, crossed, place, end, whole_part, part, inner, outer, weight, rounds, aim, accuracy,
-    is_implicit, searched, cuts, holds,
+    has_points, searched, cuts, holds,
 ):  # fmt: skip
     """Return the next length in a search, between `inner` and `outer`, and the search's rows."""
     misses = holds & (taken >= outer)  # the surface lies beyond `outer`
     of_end = (crossed > 0.0).select(end, 1.0) * taken
     of_place = (crossed > 0.0).select(place, whole_part) * taken
     is_beyond = cuts & searched & ~((inner <= 0.0) & (crossed > 0.0))
-    is_rough = misses | ((end < 1.0) & ~searched & (is_implicit > 0.0))
+    is_rough = misses | ((end < 1.0) & ~searched & (has_points > 0.0))
     outer = cuts.select(of_end, misses.select(4.0 * taken, outer))
     inner = holds.select(taken, inner)
     part = cuts.select((of_place - inner) / (outer - inner), part)
@@ -268,7 +255,7 @@ def cut(code, before, total):
     inputs = _look_at_points(code, taken, from_start)
     inputs |= {"total": total, "before": before, "taken": taken, "ended": ended.select(1.0, 0.0)}
     inputs |= {"mode": code.mode, "goal": code.goal()}
-    inputs["is_implicit"] = float(integrator.is_implicit)
+    inputs["has_points"] = float(integrator.rule.has_points)
     of_new = points.after(len(POINTS) * count)
     text.copy(of_new, pair, count)
     code.call("surfaces", line.beyond, code.table, pair.after(count))
@@ -417,18 +404,15 @@ def _aim(code, inputs, searches, from_start):
 
 def _has_quartics(integrator):
     """Return True if components inside a step are of degree 4 in its fraction, see `QUARTIC`."""
-    return integrator.double_crossings.of_states and not integrator.is_implicit
+    return integrator.double_crossings.of_states and not integrator.rule.has_points
 
 
 def _put_point(code, u, to):
     """Write the components that surfaces read, at a fraction u of the step, to the state `to`."""
-    kernel, quarters = POINT_WITH_QUARTIC if _has_quartics(code.integrator) else POINT, {}
-    if code.integrator.is_implicit:
-        kernel = POINT_IMPLICIT
-        quarters = {f"quarter{k + 1}": code.work.nodes.after(k * code.D) for k in range(3)}
+    kernel = POINT_WITH_QUARTIC if _has_quartics(code.integrator) else POINT
+    rule = code.integrator.rule
     for i in _read(code):
-        inputs = {name: rows[i] for name, rows in quarters.items()}
-        to[i] = code.apply(kernel, i, u=u, **inputs)["point"]
+        to[i] = rule.point(code, i, u) if rule.has_points else code.apply(kernel, i, u=u)["point"]
 
 
 def _read(code):

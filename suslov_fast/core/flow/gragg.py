@@ -23,37 +23,76 @@ import functools
 
 from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Array, Code, Index, Shared, Value
-from .codegen import FunctionCode
+from . import step_length, tolerance
+from .codegen import FunctionCode, larger_of, weighted
+from .memory import LaneState
+from .rule import Rule
 from .vector_functions import INLINED
-from .weights import lanes_of
+from .weights import explicit_columns, lanes_of
 
 # Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
 # saves branches, but longer code would not fit the instruction cache.
 SHORT = 25
-OF_SETS = "f_a", "f_b"  # functions for the rates of the first and second set of `Integrator.sets`
+
+
+class Gragg(Rule):
+    """Gragg's rule. With n columns the order of its steps is 2 n."""
+
+    mode, p = LaneState.EXPLICIT, 2
+    interpolates, damps = True, False
+    columns_for = staticmethod(explicit_columns)
+    floor, grows, sums = "floor", 0.25, ("rates", "states")
+
+    def __init__(self, f, columns):
+        super().__init__(f, columns)
+        self.order = 2 * len(columns)
+        self.power = self.order - 1  # of the estimate, which has one column less
+        self.loses = len(columns) + 3, self.order
+        self.nodes = len(columns) - 1  # parts of a step with states for `dense_output`
+        self.lanes = len(lanes_of(columns))
+
+    def rows(self):
+        D = self.f.D
+        # A sum for each column shows false ends; states inside a step, with f (`dense_output`).
+        return {"apart": len(self.columns) * D, "nodes": 2 * (self.nodes - 1) * D}
+
+    def add(self, text, integrator, name, for_each):
+        ExplicitColumns(text, integrator, name, for_each).add()
+
+    def add_errors(self, code, i, sums, inverse):
+        inputs = {"last": code.work.a[i], "inverse": inverse, "taken": code.work.taken[0]}
+        found = code.apply(tolerance.DIFFERENCES, i, **vars(sums) | inputs)
+        return found | {"apart": larger_of(abs(self._apart(code, i)) * inverse, sums.apart)}
+
+    def _apart(self, code, i):
+        return weighted(self.weights, code.of_columns(code.work.apart, i))
+
+    def begin_trial(self, code):
+        return lambda i: self._apart(code, i)
+
+    def turn(self, code, errors):
+        looks = code.apply(step_length.LOOKS, **errors)["looks"]
+        with code.text.when(looks.any(), likely=False):
+            code.keep(code.line, code.apply(step_length.TURN_EXPLICIT, **errors))
 
 
 class ExplicitColumns(FunctionCode):
-    """Writer of the function void columns(x, f, table, work, count) by Gragg's midpoint rule.
-
-    The function writes y_c - x, for the ends y_c of the first `count` columns, to the row `ends` of
-    `work`. The row `signed` of `work` has the length of the step, with the sign of time. x, f,
-    `table` and `work` are addresses; f is f(x).
-    """
+    """Writer of the function `columns` (`Rule.add`) by Gragg's midpoint rule."""
 
     names = "f", "f"  # functions for the rates of the components in `a` and in `b`
 
     def __init__(self, text, integrator, name, for_each):
         super().__init__(text, integrator, name, for_each)
         self.functions = {name: integrator.functions[name] for name in self.names}
+        self.columns = integrator.rule.columns
         self.length = sum(function.length for function in self.functions.values())
         self.is_inlined = self.length <= INLINED
         self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
 
     def add(self):
-        lanes = Code(len(lanes_of(self.integrator.columns)), self.text.target)
+        lanes = Code(len(lanes_of(self.columns)), self.text.target)
         inner, whole = self.narrower(), None
-        if self.f.products and self.text.W == 1 and not self.integrator.sets:
+        if self.f.products and self.text.W == 1 and len(self.functions) == 1:
             self.functions["f"].add(lanes, f"{self.name}_lanes", False)
             whole = functools.partial(self.in_lanes, lanes)
         elif self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
@@ -61,7 +100,7 @@ class ExplicitColumns(FunctionCode):
         with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             self.of_a, self.of_b = map(self.text.listed, self.rows)
             if whole is not None:
-                count = len(self.integrator.columns)
+                count = len(self.columns)
                 with self.text.when(Index(self.text, "%count").equals(count)):
                     whole()
                     self.text.leave("void")
@@ -94,7 +133,7 @@ class ExplicitColumns(FunctionCode):
     def in_turn(self, inner):
         """Add a loop over pairs of sub-steps, column by column, for lanes of the `Code` `inner`."""
         text, work, D = self.text, self.integrator.work, self.D
-        numbered = enumerate(self.integrator.columns)
+        numbered = enumerate(self.columns)
         pairs = [(c, N, m) for c, N in numbered for m in range(N // 2)]
         columns = text.constants([c for c, _, _ in pairs])
         inverses = text.constants([1.0 / N for _, N, _ in pairs])
@@ -119,8 +158,8 @@ class ExplicitColumns(FunctionCode):
                         self.end(of_work.a, of_work.b, x, ends, apart, *self.loops())
                         for i, value in of_b.items():
                             of_work.f_last[i] = value
-        if self.integrator.sets:
-            with text.when(Index(text, "%count").equals(len(self.integrator.columns))):
+        if len(self.functions) > 1:
+            with text.when(Index(text, "%count").equals(len(self.columns))):
                 for _, _, lanes, table in self.parts(inner):
                     own = inner.arrays(lanes, work)
                     self.put_rates_at_end(own.a, own.b, table, self.of_b(), own.f_last)
@@ -190,7 +229,7 @@ class ExplicitColumns(FunctionCode):
         text, work, D = self.text, self.work, self.D
         x, f, own = text.array("%x"), text.array("%f"), work.lanes.at()
         a, b, rates = (lanes.array(own, k * D) for k in range(3))
-        in_turn = lanes_of(self.integrator.columns)
+        in_turn = lanes_of(self.columns)
         pairs = ([(N, m) for N in of for m in range(N // 2)] for of in in_turn)
         rounds = [*zip(*pairs, strict=True)]
         rows = [[1.0 / N for N, _ in now] for now in rounds]
@@ -201,7 +240,7 @@ class ExplicitColumns(FunctionCode):
         def of_lane(rows, k):
             return Code(1, text.target, lanes.size).array(rows.at() + 8 * k)
 
-        left = {*self.integrator.columns}  # columns that have not ended; a lane may repeat one
+        left = {*self.columns}  # columns that have not ended; a lane may repeat one
         for r, now in enumerate(rounds):
             s, begins, ends = (numbers[r + len(rounds) * k] for k in range(3))
             s, begins, ends = signed * s, begins > 0.5, ends > 0.5
@@ -217,7 +256,7 @@ class ExplicitColumns(FunctionCode):
             for k, (N, m) in enumerate(now):
                 if 2 * m + 2 == N and N in left:
                     left.remove(N)
-                    first = self.integrator.columns.index(N) * D
+                    first = self.columns.index(N) * D
                     to = work.ends.after(first), work.apart.after(first)
                     self.end(of_lane(a, k), of_lane(b, k), x, *to, *self.loops())
         text.copy(of_lane(a, 0), work.a, D)
@@ -232,7 +271,7 @@ class ExplicitColumns(FunctionCode):
             x, f = ({i: rows[i] for i in range(D)} for rows in (x, f))
             work = inner.arrays(lanes, self.integrator.work)
             h, states = work.signed[0], {}
-            columns = self.integrator.columns
+            columns = self.columns
             rounds = range(max(columns) // 2)
             for m, N in ((m, N) for m in rounds for N in columns if 2 * m < N):
                 s = h * (1.0 / N)
@@ -245,7 +284,7 @@ class ExplicitColumns(FunctionCode):
                 b = added(b, s if is_end else double, f_last)
                 states[N] = a, b
                 if is_end:
-                    first = self.integrator.columns.index(N) * D
+                    first = self.columns.index(N) * D
                     ends, apart = work.ends.after(first), work.apart.after(first)
                     self.end(a, b, x, ends, apart, *self.rows)
             self.put_rates_at_end(a, b, table, self.rows[1], f_last)

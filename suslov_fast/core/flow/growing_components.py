@@ -34,7 +34,7 @@ RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to th
 LATER = 1.001  # two computations may end at one pole if their end times have at most this ratio
 # The least exponents a h of growth exp(a h) in a step of length h that count. NEXT, in implicit
 # steps: the next step may be four times as long. LONG, in explicit steps: at this exponent those of
-# order 10 lose (a h / 8)**10 = 1e-6 of the growth. `_lost` has the bases of other orders.
+# order 10 lose (a h / 8)**10 = 1e-6 of the growth. `Rule.loses` has the numbers of other orders.
 NEXT, LONG = 0.25, 2.0
 # In each round, trial values u_i of components that do not grow are multiplied by LESS, in the
 # second half of the ROUNDS by LITTLE_LESS, to stop near values with which all components grow.
@@ -82,19 +82,19 @@ def alert(code, i):
     line, work = code.line, code.work
     x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
     own = _loses(x, new, error, _some(code, i), lost)
-    if code.integrator.is_implicit:  # the next, longer step may damp the growth
+    if code.integrator.rule.damps:  # the next, longer step may damp the growth
         own = own | _begins_to_grow(x, new, work.f_new[i], work.signed[0], lost)
     return own
 
 
 def _some(code, i):
     some = code.component("some", i)
-    return OF_IMPLICIT * some if code.integrator.is_implicit else some
+    return OF_IMPLICIT * some if code.integrator.rule.damps else some
 
 
 def _lost(
-    x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, implicit,
-    lost, watches, near, *, order,
+    x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, damps, lost,
+    watches, near, *, loses,
 ):  # fmt: skip
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
@@ -107,9 +107,10 @@ def _lost(
     is_small = both * inverse * rtol < SMALL
     rate = _rate(new, f_new, signed)
     part = 1.0 / (keeps > 0.0).select(abs(new), LOOSE * both)  # a division takes long
-    growth = larger(keeps * (rate * part), 0.0) * (1.0 / (3 + order // 2))
-    root = growth * growth * (growth * growth)  # then growth**(order / 2)
-    for _ in range(order // 2 - 4):
+    base, power = loses
+    growth = larger(keeps * (rate * part), 0.0) * (1.0 / base)
+    root = growth * growth * (growth * growth)  # then growth**(power / 2)
+    for _ in range(power // 2 - 4):
         root = root * growth
     own = larger(lost, 0.0) + abs(error) * part + root * root
     own = (own > (keeps > 0.0).select(larger(DEEP, 100.0 * rtol), 1.0)).select(1.0, own)
@@ -120,14 +121,14 @@ def _lost(
     is_fast = (size < 1.0) & (rate > LONG * abs(new))
     grows = is_fast | is_many | ((size > 1.0) & (lost > DEEP))
     grows = grows & (abs(new) >= abs(x)) & (lost > PART * many * rtol)
-    is_near = grows | ((implicit > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
+    is_near = grows | ((damps > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
     return {"watches": larger(lost, watches), "near": is_near.select(1.0, near), "lost": lost}
 
 
 @functools.cache
-def lost_of(order):
-    """Return the scalar kernel `_lost` for steps of this order."""
-    return scalar_kernel(functools.partial(_lost, order=order))
+def lost_of(loses):
+    """Return the scalar kernel `_lost` for steps that lose growth as `Rule.loses` tells."""
+    return scalar_kernel(functools.partial(_lost, loses=loses))
 
 
 @scalar_kernel
@@ -194,10 +195,10 @@ def find_alarms(code):
     looks = work.alerts[0] > 0.0
     for i in text.each(code.f.of.D, found):
         some = _some(code, i)
-        inputs = {"some": some, "implicit": float(code.integrator.is_implicit)}
+        inputs = {"some": some, "damps": float(code.integrator.rule.damps)}
 
         def update(i=i, inputs=inputs):
-            own = code.apply(lost_of(code.integrator.order), i, **inputs, **vars(found))
+            own = code.apply(lost_of(code.integrator.rule.loses), i, **inputs, **vars(found))
             line.lost.choose(looks, i, own.pop("lost"))
             return list(own.values())
 
@@ -221,7 +222,7 @@ def watch(code, alerts, on_trial):
     watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0
     with text.when(((alerts > 0.0) | watches).any(), likely=False):
         looks = alerts > 0.0
-        if not code.integrator.is_implicit:
+        if not code.integrator.rule.damps:
             half = line.steps[0] * 0.5
             is_due = half.floor().equals(half) | (line.state[0] >= float(LaneState.DONE))
             looks = (looks & (on_trial <= 0.0)) | (watches & is_due)
@@ -262,7 +263,7 @@ def _alarm(code, looks):
         found.update(own)
     line.watches.choose(looks, 0, found.watches)
     least = code.number("many") * code.number("rtol")
-    if code.integrator.is_implicit:
+    if code.integrator.rule.damps:
         waits = (found.watches > least) | (found.below > PART * least)
     else:
         waits = (found.watches > least) & (found.grows > 0.0)
@@ -275,7 +276,7 @@ def _find_group(code, looks):
     """Raise the alarm in lanes `looks` with a group of components that would grow together."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     known, group = work.start, work.a
-    least = text.value(NEXT if code.integrator.is_implicit else LONG)
+    least = text.value(NEXT if code.integrator.rule.damps else LONG)
     for i in text.each(D):
         is_in = looks & (line.lost[i] > 0.0)
         group[i] = is_in.select(1.0 / work.inverse[i], 0.0)

@@ -103,7 +103,9 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     `given` (P,) are all parameters of f; the first ones are `parameters`, which may change. If f
     has columns of derivatives, the last ones belong to the parameters with the numbers `by`.
     """
-    modes = (True,) if settings.stiff else (False,) if settings.stiff is False else (False, True)
+    explicit, implicit = LaneState.EXPLICIT, LaneState.IMPLICIT
+    of_stiff = {True: (implicit,), False: (explicit,), None: (explicit, implicit)}
+    modes = of_stiff[settings.stiff]
     again = batch_solver.closer(settings)
     # Integrators with `is_relative` compute motions again, see `growing_components`.
     both = [(mode, each, each is again) for each in (settings, again) for mode in modes]

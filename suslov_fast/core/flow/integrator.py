@@ -1,30 +1,20 @@
-"""The explicit and the implicit integrator of a right-hand side: their functions and rows."""
+"""The integrators of a right-hand side: their functions and rows."""
 
 from typing import Any
 
 from ..cached import cached_property
-from ..expressions.partitioned import part_of, sets_of
-from ..expressions.sparse_elimination import Sparse
-from ..expressions.symbolic_elimination import Elimination, elimination_order, filled, operations_of
 from ..hybrid.double_crossings import POINTS, DoubleCrossings
 from ..hybrid.event_formulas import read_by
-from ..llvm.sparse_solver import add_factors, add_solution
-from . import tolerance, vector_functions
-from .memory import rows_of_trajectory, rows_of_work, scalars_of
+from . import vector_functions
+from .memory import LaneState, rows_of_trajectory, rows_of_work, scalars_of
 from .vector_functions import ProgramFunction
-from .weights import weights, weights_of_errors
 
 
 class Integrator:
-    """The explicit integrator of a right-hand side f or, if `is_implicit`, the implicit one.
+    """The integrator of a right-hand side f by a `Rule`.
 
     functions    `vector_functions` by name: `f`, which finds f(x), then `f.denominators`; functions
-                 of surfaces, events and branches; in the implicit integrator also `j`, which finds
-                 the entries of f', `factor` for 1 - s f', and `solve`
-    sets         `ComponentSets` of all components if explicit columns are Störmer's, else None;
-                 then `f_a` and `f_b` are the rates of each set
-    columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`; see
-                 `weights.explicit_columns` and `weights.implicit_columns`
+                 of surfaces, events and branches; functions of the rule
     has_atol     True if allowed errors do not depend on the sizes of other components
     is_relative  True if allowed errors of some components (RELATIVE in `lost`) are relative to them
     parts        (first component, how many) of x and of derivatives, which have different sizes:
@@ -36,7 +26,6 @@ class Integrator:
                  read `at_points` numbers at points of the step, such as values of surfaces
     events       `EventSet`, or None; `event_surfaces` is the number of its surfaces
     kinks        the kinds of the surfaces at which f has a kink, see `Branches`
-    factors      how many numbers the LU factors of 1 - s f' have, 0 in the explicit integrator
     rows, work   first rows of a trajectory's data and of the workspace, see `memory`; `scalars` are
                  the names of parts with one row
     is_bounded   True if steps are at most a part of the whole time, because f has clocks or may
@@ -44,15 +33,13 @@ class Integrator:
     codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
 
-    on_new: Any = None  # a function of f and `is_implicit`, called before code is planned
+    on_new: Any = None  # a function of f and True if implicit, called before code is planned
 
-    def __init__(self, f, is_implicit, columns, has_atol, is_relative=False):
+    def __init__(self, rule, has_atol, is_relative=False):
+        f = rule.f
         if Integrator.on_new:
-            Integrator.on_new(f.of, is_implicit)
-        self.f, self.is_implicit, self.has_atol, self.codes = f, is_implicit, has_atol, {}
-        self.columns, p = columns, 1 if is_implicit else 2
-        self.order = 10 if is_implicit else 2 * len(columns)
-        self.nodes = 4 if is_implicit else len(columns) - 1
+            Integrator.on_new(f.of, rule.mode == LaneState.IMPLICIT)
+        self.f, self.rule, self.has_atol, self.codes = f, rule, has_atol, {}
         self.is_relative = is_relative
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
         self.watched = f.of.D if f.hybrid.watch else 0
@@ -63,16 +50,10 @@ class Integrator:
         self.kinks = [surface.kind for surface in surfaces if not surface.jumps]
         self.events = f.hybrid.events
         self.event_surfaces = f.hybrid.events.surfaces if f.hybrid.events else 0
-        self.sets = None if is_implicit else sets_of(f)
-        self.weights, factor = weights(self.columns, p), tolerance.CAUTION if self.sets else 1.0
-        self.error_weights = [factor * w for w in weights_of_errors(self.columns, p)]
         if f.is_dense:
             self.functions = {"f": vector_functions.DenseQuadratic(f.D, False)}
         else:
             self.functions = {"f": ProgramFunction(f.with_denominators, f.D, f.places)}
-        if self.sets:
-            for name, components in zip(("f_a", "f_b"), self.sets, strict=True):
-                self.functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
         self.surfaces = len(f.hybrid.watched.results) if self.watched else 0
         read = read_by(f.hybrid.watched, f.hybrid.watched.results) if self.watched else []
         self.read = sorted({*range(self.watched)}.intersection(read))
@@ -92,7 +73,7 @@ class Integrator:
                 first, places = first + f.of.D, {p + f.of.D: k for p, k in places.items()}
                 self.functions["regular"] = ProgramFunction(f.of.regular, first, places)
             self.functions["invariants"] = ProgramFunction(f.of.levels, f.of.D, f.of.places)
-        self.factors = self._add_implicit() if is_implicit else 0
+        rule.add_functions(self.functions)
         self.rows = rows_of_trajectory(self)
         self.work = rows_of_work(self)
         self.scalars = {*scalars_of(self.rows), *scalars_of(self.work)}
@@ -109,7 +90,7 @@ class Integrator:
                 self.functions[name] = ProgramFunction(program, D, self.f.of.places)
         for name, program, first in (
             ("watch", f.hybrid.watch, 2 * self.surfaces + sides),
-            ("aim", f.hybrid.aim[self.is_implicit], 2 * D + sides),
+            ("aim", f.hybrid.aim[self.rule.damps], 2 * D + sides),
             ("double_crossings", self.double_crossings.decision, self.at_points + D + 1),
             ("rates", self.double_crossings.rates, 2 * D + 1),
         ):
@@ -138,31 +119,7 @@ class Integrator:
         if f is not self.f and branches.jumps:
             self.functions["slopes"] = ProgramFunction(f.slopes, f.D, f.places)
 
-    def _add_implicit(self):
-        """Add f' and the elimination in 1 - s f' to `functions`; return its number of factors."""
-        f, D, functions = self.f, self.f.D, self.functions
-        if f.is_dense:
-            functions["j"] = vector_functions.DenseQuadratic(D, True)
-        elif f.products:
-            functions["j"] = vector_functions.JacobianColumns(f)
-        else:
-            functions["j"] = ProgramFunction(f.derivative, D, f.places)
-        order = elimination_order(f.pattern, D)
-        fill = filled(f.pattern, order)
-        if operations_of(fill) > vector_functions.LONGEST:
-            plan = Sparse(f.pattern, order, fill)
-            functions["factor"] = vector_functions.SparseLoops(plan, add_factors)
-            functions["solve"] = vector_functions.SparseLoops(plan, add_solution)
-            count = D + plan.size
-        else:
-            elimination = Elimination(f.pattern, order, fill)
-            count = len(elimination.factors.results)
-            functions["factor"] = ProgramFunction(elimination.factors, f.entries + 1)
-            functions["solve"] = ProgramFunction(elimination.solution, count + D)
-        return count
-
     @cached_property
     def key(self):
         """A tuple that identifies the code of this integrator."""
-        of_code = self.has_atol, self.is_relative, self.sets is None
-        return self.f.key, self.is_implicit, self.columns, *of_code
+        return self.f.key, *self.rule.key, self.has_atol, self.is_relative

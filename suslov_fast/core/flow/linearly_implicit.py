@@ -28,11 +28,17 @@ w = f' (S z) / S,     |mu| = max_i |w_i|,     z = w / |mu| + seed.
 from math import inf
 from operator import add, mul
 
+from ..expressions.sparse_elimination import Sparse
+from ..expressions.symbolic_elimination import Elimination, elimination_order, filled, operations_of
+from ..llvm.sparse_solver import add_factors, add_solution
 from ..llvm.text import Carried, Index
+from . import vector_functions
 from .codegen import FunctionCode, larger_of
+from .memory import LaneState
+from .rule import Rule
 from .scalar_kernels import TINY, scalar_kernel
-from .step_length import MOST_APART
-from .weights import QUARTERS, weights
+from .step_length import MOST_APART, TURN_IMPLICIT
+from .weights import QUARTERS, implicit_columns, weights
 
 SMALLEST_SCALE = 2.0**-60
 # Factor of errors found with f' of a step's end: they are too small, as f' still decreases there.
@@ -55,16 +61,106 @@ def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     return {"differs": (is_large & (abs(own) < 0.5 * abs(whole))).select(1.0, differs)}
 
 
-class ImplicitColumns(FunctionCode):
-    """Writer of the function void columns(x, f, table, work, count) by the linearly implicit rule.
+@scalar_kernel
+def POINT_IMPLICIT(x, new, quarter1, quarter2, quarter3, u):
+    """Return a component at the fraction u of an implicit step, on the quartic through quarters.
 
-    Its arguments and results are as in `ExplicitColumns`. The row `jacobian` has f'(x).
+    Rates at both ends are not used, because they contain fast modes of stiff equations.
     """
+    v = [4.0 * u - float(k) for k in range(5)]
+    of_new = v[0] * v[1] * v[2] * v[3] * (1.0 / 24.0)
+    outer, inner = v[0] * v[2] * v[4] * (-1.0 / 6.0), v[0] * v[1] * v[3] * v[4] * 0.25
+    sides = outer * v[3] * quarter1 + outer * v[1] * quarter3
+    return {"point": x + (sides + inner * quarter2 + of_new * (new - x))}
+
+
+class LinearlyImplicit(Rule):
+    """The linearly implicit Euler rule. With k columns the order of its steps is k."""
+
+    mode, p, power = LaneState.IMPLICIT, 1, 9
+    interpolates, damps, has_points = False, True, True
+    loses = 8, 10
+    columns_for = staticmethod(implicit_columns)
+    floor, grows, lanes = "floor_implicit", 4.0, 4  # weights enlarge rounding 16 times as much
+
+    def add_functions(self, functions):
+        f, D = self.f, self.f.D
+        if f.is_dense:
+            functions["j"] = vector_functions.DenseQuadratic(D, True)
+        elif f.products:
+            functions["j"] = vector_functions.JacobianColumns(f)
+        else:
+            functions["j"] = vector_functions.ProgramFunction(f.derivative, D, f.places)
+        order = elimination_order(f.pattern, D)
+        fill, of = filled(f.pattern, order), vector_functions
+        if operations_of(fill) > of.LONGEST:
+            plan = Sparse(f.pattern, order, fill)
+            functions["factor"] = of.SparseLoops(plan, add_factors)
+            functions["solve"] = of.SparseLoops(plan, add_solution)
+            self.factors = D + plan.size
+        else:
+            elimination = Elimination(f.pattern, order, fill)
+            self.factors = len(elimination.factors.results)
+            functions["factor"] = of.ProgramFunction(elimination.factors, f.entries + 1)
+            functions["solve"] = of.ProgramFunction(elimination.solution, self.factors + D)
+
+    def rows(self):
+        D = self.f.D
+        return {
+            "apart": D,  # a sum that shows false ends
+            "nodes": 6 * D,  # states at quarters minus x, then the sums that become these states
+            "jacobian": self.f.entries + 1,  # entries of f', then s = h / N
+            "factors": self.factors,  # factors of 1 - s f'
+            "right": D,  # right side of equations, which `solve` reads after `factors`
+            "of_end": self.factors,  # factors of 1 - s f' with f' at the end of a step
+            "at_end": D,  # right side, which `solve` reads after `of_end`
+        }
+
+    def add(self, text, integrator, name, for_each):
+        ImplicitColumns(text, integrator, name, for_each).add()
+
+    def find_columns(self, code):
+        rate = derive(code)
+        super().find_columns(code)
+        if code.integrator.read:  # states at 1/4, 1/2, 3/4 of the step, minus x
+            code.text.copy(code.work.nodes.after(3 * code.D), code.work.nodes, 3 * code.D)
+        return {"rate": rate}
+
+    def begin_errors(self, code):
+        find_apart(code)
+
+    def add_errors(self, code, i, sums, inverse):
+        return {"apart": larger_of(abs(code.work.right[i]) * inverse, sums.apart)}
+
+    def end_errors(self, code, errors):
+        return {"apart": find_apart_at_end(code, errors)}
+
+    def begin_trial(self, code):
+        code.text.copy(code.work.right, code.work.b, code.D)
+        return lambda i: code.work.b[i]
+
+    def row_of_change(self, code):
+        return code.work.right
+
+    def propagate(self, code):
+        code.call("solve", code.work.factors, code.table, code.work.right)
+
+    def turn(self, code, errors):
+        code.keep(code.line, code.apply(TURN_IMPLICIT, **errors))
+
+    def point(self, code, i, u):
+        """Return component i at the fraction u of a step."""
+        quarters = {f"quarter{k + 1}": code.work.nodes.after(k * code.D)[i] for k in range(3)}
+        return code.apply(POINT_IMPLICIT, i, u=u, **quarters)["point"]
+
+
+class ImplicitColumns(FunctionCode):
+    """Writer of the function `columns` (`Rule.add`); the row `jacobian` has f'(x)."""
 
     def add(self):
         text, work = self.text, self.work
         with text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
-            columns, own = self.integrator.columns, self.integrator.weights
+            columns, own = self.integrator.rule.columns, self.integrator.rule.weights
             lengths = text.constants(columns)
             inverses = text.constants([1.0 / N for N in columns])
             of_rates = [N * w for N, w in zip(columns, own, strict=True)]
@@ -106,7 +202,7 @@ class ImplicitColumns(FunctionCode):
     def begin_quarters(self):
         """Begin sums for states at quarters of the step; list which sub-steps end at a quarter."""
         own = dict(zip(QUARTERS, weights(QUARTERS, 1), strict=True))
-        columns = self.integrator.columns
+        columns = self.integrator.rule.columns
         numbers = [
             4 * m // N - 1 if N in own and 4 * m % N == 0 else 3
             for N in columns
@@ -134,7 +230,7 @@ def find_apart(code):
 def find_apart_at_end(code, errors):
     """Return the test of false steps, `apart`, in which f' at the end of the step counts, too."""
     text, work, D = code.text, code.work, code.D
-    s = work.signed[0] * (1.0 / code.integrator.columns[-1])
+    s = work.signed[0] * (1.0 / code.integrator.rule.columns[-1])
     text.fill(work.a, D, add, work.new, work.right)
     code.call("f", work.a, code.table, work.b)
     differs = Carried(differs=0.0)

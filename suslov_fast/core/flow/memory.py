@@ -8,7 +8,6 @@ from collections import namedtuple
 from itertools import accumulate, pairwise
 
 from ..hybrid.event_formulas import OF_SURFACE
-from .weights import lanes_of
 
 
 class LaneState:
@@ -90,9 +89,9 @@ def rows_of_work(integrator):
     D, chooses, acts = f.D, int(bool(f.hybrid.branches)), int(bool(events))
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces
     kept = of_x.invariants_count
-    of_ends, is_implicit = len(integrator.columns) * D, integrator.is_implicit
+    of_ends = len(integrator.rule.columns) * D
     has_slopes = chooses and f.hybrid.branches.jumps and f.columns
-    in_lanes = 4 if is_implicit else len(lanes_of(integrator.columns))
+    in_lanes = integrator.rule.lanes
     return _first_rows(
         line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`
         own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
@@ -103,21 +102,11 @@ def rows_of_work(integrator):
         b=extended,  # a second state of a column, or f at the state in `a`
         f_last=extended,  # f at y_N of the last column
         ends=of_ends,  # y_c - x, with the ends y_c of columns
-        # Sums that show steps to a false end: one for each explicit column, or one if implicit.
-        apart=D if is_implicit else of_ends,
-        # States inside an explicit step, with f (`dense_output`). In an implicit step: the states
-        # at its quarters minus x, then the sums over columns that become these states.
-        nodes=2 * (integrator.nodes - 1) * D,
         beside=6 * extended,  # of `second_trial`: f at a point, the point, changes of f near it
         new=D,  # the next state
         f_new=extended,  # f at the next state, then denominators that may not change sign
         error=D,  # the estimated error of the step
         inverse=D,  # 1 / allowed error
-        jacobian=f.entries + 1 if is_implicit else 0,  # entries of f', then s = h / N
-        factors=integrator.factors,  # factors of 1 - s f'
-        right=D,  # right side of equations, which `solve` reads after `factors`
-        of_end=integrator.factors,  # factors of 1 - s f' with f' at the end of a step
-        at_end=D if is_implicit else 0,  # right side, which `solve` reads after `of_end`
         taken=1,  # length of this step
         signed=1,  # length of this step, with the sign of time
         aside=1,  # 1 where this step is a step aside, see `step_length`
@@ -164,6 +153,7 @@ def rows_of_work(integrator):
         invariants=kept,  # values of invariants
         # States and rates, see `gragg.in_lanes`.
         lanes=in_lanes * (2 * D + extended) * bool(f.products),
+        **integrator.rule.rows(),
         scratch=max(each.scratch for each in integrator.functions.values())
         * (in_lanes if f.products else 1),
     )

@@ -33,7 +33,7 @@ def find_next_state(code):
     maxima over x, and over columns of derivatives.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
-    own, of_error = integrator.weights, integrator.error_weights
+    own, of_error = integrator.rule.weights, integrator.rule.error_weights
     sums, sizes = Carried(top=0.0, moved=0.0, kept=1.0), []
     for first, count in integrator.parts:
         for i in text.each(count, sums):

@@ -21,7 +21,7 @@ from ..llvm.text import Carried
 from .codegen import larger_of
 from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
-from .tolerance import LARGE, NOISY, OF_CLOCK, apart_in
+from .tolerance import LARGE, NOISY, OF_CLOCK
 
 BESIDE_SIZE = 2.0**-48  # half of it is the largest relative displacement of a state
 # f is evaluated beside points x + ALONG (x_next - x) of a step. Each of the BESIDES, multiplied by
@@ -33,9 +33,9 @@ BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# The trial allows GROWS[is_implicit] times a change of h f at an end of the step, or OF_NOISE times
+# The trial allows `Rule.grows` times a change of h f at an end of the step, or OF_NOISE times
 # one at any point: weights of columns enlarge noise of f, implicit ones 16 times as much.
-GROWS, OF_NOISE = {False: 0.25, True: 4.0}, 8.0
+OF_NOISE = 8.0
 SHORTENS = 0.05  # an error above this part of the allowed error may make the next step shorter
 TINY_STEP = 2.0**-40  # part of the time: in a step up to this length, sub-steps are mostly rounding
 
@@ -119,8 +119,7 @@ def try_again(code, sums):
     before = {name: sums[name] for name in names if name in sums}
 
     def trial():
-        if integrator.is_implicit:
-            text.copy(work.right, work.b, code.D)
+        apart = integrator.rule.begin_trial(code)
         top = Carried(top=0.0)  # the largest |x_i| so far, without clocks
         for i in text.each(code.D, top):
             size = larger_of(larger_of(abs(line.x[i]), line.largest[i]), top.top)
@@ -132,9 +131,8 @@ def try_again(code, sums):
         least, largest, second = _changes_beside(code, tried & (others.large < sums["ratio"]))
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
         for i in text.each(code.D, found):
-            apart = work.b[i] if integrator.is_implicit else apart_in(code, i)
             inputs = {"least": least[i], "largest": largest[i], "second": second[i]}
-            inputs |= {"apart": apart, "top": top.top, "grows": GROWS[integrator.is_implicit]}
+            inputs |= {"apart": apart(i), "top": top.top, "grows": integrator.rule.grows}
             now = code.apply(SECOND, i, **inputs, **vars(found))
             work.inverse.choose(tried, i, now.pop("inverse"))
             found.update(now)
@@ -153,8 +151,8 @@ def _changes_beside(code, is_noise):
     Lanes `is_noise`, with an error that may be noise, evaluate all points in all directions. Other
     lanes evaluate one state beside each end of the step.
     """
-    text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    change = work.right if integrator.is_implicit else work.f
+    text, line, work, rule = code.text, code.line, code.work, code.integrator.rule
+    change = rule.row_of_change(code)
     multiples, moved = map(text.constants, (BESIDES, MOVED))
     along, ends = map(text.constants, (ALONG, ENDS))
     base, state, most, *found = (work.beside.after(k * code.extended) for k in range(6))
@@ -178,8 +176,7 @@ def _changes_beside(code, is_noise):
             code.call("f", work.start, code.table, work.f)
             for i in text.each(code.D):
                 change.put_chosen(i, work.f[i] - base[i])
-            if integrator.is_implicit:
-                code.call("solve", work.factors, code.table, change)
+            rule.propagate(code)
             for i in text.each(code.D):
                 most.put_chosen(i, larger_of(abs(counts.select(change[i], 0.0)), most[i]))
         for i in text.each(code.D):

@@ -24,7 +24,7 @@ class _PreparedRunner(batch_solver.StepRunner):
     source = moduli = event_times = None
 
     def __init__(self, f, settings, sign, B, for_each):
-        integrator = batch_solver.integrator_of(f, bool(settings.stiff), settings)
+        integrator = batch_solver.integrator_of(f, int(bool(settings.stiff)), settings)
         self.begins_with, places, count = integrator, integrator.rows, B * integrator.rows.size
         shape = (B, len(f.table)) if for_each else (len(f.table),)
         both = np.zeros(count + math.prod(shape))
@@ -101,8 +101,7 @@ def solve_small_batch(f, table, x0, request):
         ends = runner.state.tolist()
         if B > 1 or ends[0] >= LaneState.DONE:
             break
-        is_implicit = not runner.integrator.is_implicit  # it turns to the other integrator
-        runner.use(batch_solver.integrator_of(f, is_implicit, request.settings))
+        runner.use(batch_solver.integrator_of(f, int(ends[0]), request.settings))  # it turns
     states = np.ndarray((count, B, f.D), np.float64, states)
     if ends.count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
         own = runner.table.copy() if f.hybrid.branches else None

@@ -21,7 +21,7 @@
 
    f_next is finite, and components keep the signs that the equations keep. Accepted or not,
 
-       h_next = 0.75 ratio**(-1 / (order - 1)) h,     with 1/9 in implicit steps.
+       h_next = 0.75 ratio**(-1 / power) h,     power = order - 1 in explicit steps, else 9.
 
 5. Choice of the explicit or the implicit integrator for the next step (`step_length`).
 
@@ -50,19 +50,18 @@ from . import (
     tolerance,
 )
 from .codegen import larger_of
-from .linearly_implicit import derive, find_apart, find_apart_at_end
 from .next_state import find_next_state, move
 
 
 def take_step(code):
     """Add a step to a function `code` (`StepCode`), for lanes where the row `taken` is not 0."""
     integrator = code.integrator
-    rate = _find_columns(code)
+    found = integrator.rule.find_columns(code)
     kept, sizes = find_next_state(code)
-    errors = _estimate_errors(code, kept, sizes) | {"rate": rate, **code.apply(step_length.NEAR)}
+    errors = _estimate_errors(code, kept, sizes) | found | code.apply(step_length.NEAR)
     before = code.line.t[0]
     _accept(code, errors, before)
-    _choose_integrator(code, errors)
+    integrator.rule.turn(code, errors)
     if integrator.watched:
         event_location.cut(code, before, errors["total"])
     growing_components.watch(code, errors["alerts"], errors["on_trial"])
@@ -78,39 +77,25 @@ def take_step(code):
     move(code)
 
 
-def _find_columns(code):
-    """Write y_c - x to the rows `ends`; return |mu|, the largest rate, after implicit columns."""
-    integrator, work = code.integrator, code.work
-    rate = derive(code) if integrator.is_implicit else None
-    code.columns(code.line.x, code.line.f, len(integrator.columns))
-    if integrator.is_implicit and integrator.read:  # states at 1/4, 1/2, 3/4 of the step, minus x
-        code.text.copy(work.nodes.after(3 * code.D), work.nodes, 3 * code.D)
-    return rate
-
-
 def _estimate_errors(code, kept, sizes):
     """Return inputs of `step_length.after` by name, such as `ratio`, the error / allowed error.
 
     `kept` and `sizes` are results of `find_next_state`.
     """
-    integrator, work = code.integrator, code.work
-    if integrator.is_implicit:
-        find_apart(code)
+    rule = code.integrator.rule
+    rule.begin_errors(code)
     errors = tolerance.find_errors(code, sizes)
-    if integrator.is_implicit:
-        errors["apart"] = find_apart_at_end(code, errors)
-    if integrator.sets:
-        errors |= tolerance.differences_of_sets(code)
+    errors |= rule.end_errors(code, errors)
     # `on_trial` is 1 after a second trial; `of_length` is the ratio that gives the next length.
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}
     errors |= second_trial.try_again(code, errors)
-    return errors | {"kept": kept, "taken": work.taken[0]}
+    return errors | {"kept": kept, "taken": code.work.taken[0]}
 
 
 def _accept(code, errors, t):
     """Decide which lanes accept the step, also in `errors`, and how long the next step is."""
     line, work = code.line, code.work
-    found = code.apply(step_length.after(code.integrator.order), **errors, last=code.goal())
+    found = code.apply(step_length.after(code.integrator.rule.power), **errors, last=code.goal())
     if code.f.of.regular:
         found["wanted"] = (errors["kept"] < 0.0).select(0.0, found["wanted"])
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
@@ -122,18 +107,8 @@ def _accept(code, errors, t):
         is_before = found["t"] < code.number("last")
         found["state"] = is_before.select(line.state[0], found["state"])
     code.keep(line, found)
-    if not code.integrator.is_implicit:
-        # If f has no value at the end of an explicit step aside, a later step passes that time.
+    if code.integrator.rule.interpolates:
+        # If f has no value at the end of a step aside, a later step passes that time.
         misses = (work.taken[0] * work.aside[0] > 0.0) & ~(errors["total"] < inf)
         with code.text.when(misses.any(), likely=False):
             line.second.choose(misses, 0, line.next[0])
-
-
-def _choose_integrator(code, errors):
-    """Let lanes change to the other integrator, or end, by the `errors` and rates of the step."""
-    if code.integrator.is_implicit:
-        code.keep(code.line, code.apply(step_length.TURN_IMPLICIT, **errors))
-        return
-    looks = code.apply(step_length.LOOKS, **errors)["looks"]
-    with code.text.when(looks.any(), likely=False):
-        code.keep(code.line, code.apply(step_length.TURN_EXPLICIT, **errors))

@@ -1,10 +1,10 @@
 """The length of the next step, and which integrator takes it.
 
-The error estimate of an explicit step is one order lower. So the next length is this length times
-SAFETY ratio**(-1 / (order - 1)), within 5 to 9 percent, by the bits of the ratio. A rejected step
-is repeated with the next length, and the step after that is not longer. If f has a layer thinner
-than the sub-steps, all columns may agree on a wrong end; then the step is false. A sum shows this
-(`step`).
+The next length is this length times SAFETY ratio**(-1 / power), within 5 to 9 percent, by the bits
+of the ratio. The estimate of an explicit step is one order lower, so `Rule.power` is order - 1. A
+rejected step is repeated with the next length, and the step after that is not longer. If f has a
+layer thinner than the sub-steps, all columns may agree on a wrong end; then the step is false. A
+sum shows this (`step`).
 
 If the next step would pass one requested time, a step from the same state ends there first. It is
 called a step aside: its end is tested and saved, but the trajectory stays. Each time in an implicit
@@ -27,7 +27,7 @@ from ..llvm.text import Carried
 from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 
-# Factors from a length to the next: SAFETY ratio**(-1 / (order - 1)), at least SHORTER, at most
+# Factors from a length to the next: SAFETY ratio**(-1 / power), at least SHORTER, at most
 # LONGER, AT_FIRST, AFTER_REFUSED, or AFTER_TRIAL, which also marks a step after a second trial.
 # OF_NAN is the factor if f has no value, or a sign is lost; with many digits no step meets a time
 # twice.
@@ -148,12 +148,12 @@ def LENGTH(t, wanted, state, reach, mode, last, next, second, sign):
     return {"taken": taken, "signed": signed, "aside": is_aside.select(1.0, 0.0)}
 
 
-def _factor(ratio, order):
-    """Return ratio**(-1 / (order - 1)), within 9 percent for factors of 0.2 to 4; 5.1 for order 10.
+def _factor(ratio, power):
+    """Return ratio**(-1 / power), within 9 percent for factors of 0.2 to 4; 5.1 if power is 9.
 
     The bits of a number are nearly its logarithm; 0.05 makes the errors of both signs equal.
     """
-    halvings = _halvings(order - 1)
+    halvings = _halvings(power)
     exponent = sum(sign / 2**k for k, sign in halvings)
     bits = from_bits(round((1023 * (1 + exponent) - 0.05) * 2**52))
     for k, sign in halvings:
@@ -169,7 +169,7 @@ def _is_false(ratio, apart):
 
 def _after(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
-    of_length, reach, last, longest, *, order,
+    of_length, reach, last, longest, *, power,
 ):  # fmt: skip
     """Decide whether a step is accepted, and whether a step aside is; return the rows after it."""
     is_finite = total < inf
@@ -179,7 +179,7 @@ def _after(
     # Operations that do not need the factor come first, because the others wait for the factor.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
-    factor = sees.select(larger(smaller(SAFETY * _factor(of_length, order), most), SHORTER), OF_NAN)
+    factor = sees.select(larger(smaller(SAFETY * _factor(of_length, power), most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = is_active & ~served
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
@@ -199,9 +199,9 @@ def _after(
 
 
 @functools.cache
-def after(order):
-    """Return the scalar kernel `_after` of steps of this order."""
-    return scalar_kernel(functools.partial(_after, order=order))
+def after(power):
+    """Return the scalar kernel `_after` of steps with this `Rule.power`."""
+    return scalar_kernel(functools.partial(_after, power=power))
 
 
 def _ends(t, taken, wanted, state, tries, shortest, most):
@@ -289,8 +289,8 @@ def TURN_IMPLICIT(
 
 def choose_length(code):
     """Add code that writes the length of the next step in each lane, or 0, to the row `taken`."""
-    # Implicit: a step aside to each requested time, as polynomials do not follow a fast decay.
-    second = inf if code.integrator.is_implicit else code.line.second[0]
+    # Without dense output a step aside ends at each requested time.
+    second = code.line.second[0] if code.integrator.rule.interpolates else inf
     reach = code.apply(NEAR)["reach"]
     found = code.apply(LENGTH, mode=code.mode, second=second, reach=reach, last=code.goal())
     code.keep(code.work, found)

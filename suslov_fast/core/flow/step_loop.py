@@ -7,12 +7,9 @@ most steps skip are functions of their own: LLVM's time grows faster than the le
 from ..llvm.text import Carried, Code
 from . import branch_choice, dense_output, event_actions, growing_components
 from .codegen import StepCode
-from .gragg import ExplicitColumns
 from .lanes import pause_if_spent, take_next
-from .linearly_implicit import ImplicitColumns
 from .step import take_step
 from .step_length import choose_length
-from .stormer import StormerColumns
 
 
 def text_of_integrator(integrator, name, W, for_each):
@@ -25,15 +22,13 @@ def text_of_integrator(integrator, name, W, for_each):
     text = Code(W)
     for key, function in integrator.functions.items():
         function.add(text, f"{name}_{key}", for_each)
-    explicit = StormerColumns if integrator.sets else ExplicitColumns
-    columns = ImplicitColumns if integrator.is_implicit else explicit
-    columns(text, integrator, name, for_each).add()
+    integrator.rule.add(text, integrator, name, for_each)
     parts = {"small": growing_components.find_alarms}
     if integrator.f.hybrid.branches:
         parts["choose"] = branch_choice.choose_branches
     if integrator.events:
         parts["change"] = event_actions.change
-    if not integrator.is_implicit:
+    if integrator.rule.interpolates:
         parts["between"] = dense_output.save_between
     for part, add in parts.items():
         with text.function(f"{name}_{part}", ("arguments",)):

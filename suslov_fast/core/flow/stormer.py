@@ -9,13 +9,66 @@ at the end of the column b_B = b_B + s f_B(a_A). There a_A and b_B are the state
 smoothing is needed. The rule is symmetric, and has the weights of Gragg's rule.
 
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns at equal
-estimates; therefore the estimate is multiplied by `tolerance.CAUTION`.
+estimates; therefore the estimate is multiplied by CAUTION.
 
 If f may have thin layers, Gragg's rule is used, because only the difference of its two leapfrogs
 shows that all columns agree on a wrong end.
 """
 
-from .gragg import OF_SETS, ExplicitColumns
+from ..expressions.partitioned import part_of, sets_of
+from ..llvm.text import Carried
+from . import tolerance
+from .gragg import ExplicitColumns, Gragg
+from .vector_functions import ProgramFunction
+
+CAUTION = 4.0  # factor of the error estimate
+OF_SETS = "f_a", "f_b"  # functions for the rates of the first and second set
+
+
+class Stormer(Gragg):
+    """Störmer's rule for the two sets of components `sets`, which are `ComponentSets`."""
+
+    sums = ()
+
+    def __init__(self, f, columns):
+        super().__init__(f, columns)
+        self.sets = sets_of(f)
+        self.error_weights = [CAUTION * w for w in self.error_weights]
+
+    @classmethod
+    def fits(cls, f):
+        return sets_of(f) is not None
+
+    def add_functions(self, functions):
+        f = self.f
+        for name, components in zip(OF_SETS, self.sets, strict=True):
+            functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
+
+    def add(self, text, integrator, name, for_each):
+        StormerColumns(text, integrator, name, for_each).add()
+
+    def add_errors(self, code, i, sums, inverse):
+        return {}
+
+    def end_errors(self, code, errors):
+        """Return `rates` and `states` of `DIFFERENCES`, and their `limit`.
+
+        They are products of the sums over both sets of variables. So rates / states is (h |mu|)**4
+        in place of (h |mu|)**2, and the limit of h |mu| is squared, too.
+        """
+        text, work, sums = code.text, code.work, []
+        for components in self.sets:
+            own = Carried(rates=0.0, states=0.0)
+            for i in text.listed(components)(own):
+                inputs = {"last": work.a[i], "inverse": work.inverse[i], "taken": work.taken[0]}
+                own.update(code.apply(tolerance.DIFFERENCES, i, **vars(own) | inputs))
+            sums.append(own)
+        A, B = sums
+        limit = code.number("limit")
+        return {"rates": A.rates * B.rates, "states": A.states * B.states, "limit": limit * limit}
+
+    def begin_trial(self, code):
+        return lambda i: code.text.value(0.0)
 
 
 class StormerColumns(ExplicitColumns):
@@ -25,7 +78,7 @@ class StormerColumns(ExplicitColumns):
 
     def __init__(self, text, integrator, name, for_each):
         super().__init__(text, integrator, name, for_each)
-        self.rows = integrator.sets
+        self.rows = integrator.rule.sets
 
     def work_of_pair(self):
         """Return a third of Gragg's estimate, so that code three times as long is unrolled."""

@@ -13,7 +13,7 @@ from math import sqrt
 
 from ..expressions.values import larger
 from ..llvm.text import Carried
-from .codegen import larger_of, weighted
+from .codegen import weighted
 from .growing_components import alert
 from .scalar_kernels import TINY, scalar_kernel
 
@@ -21,7 +21,6 @@ from .scalar_kernels import TINY, scalar_kernel
 SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
 # An error may be noise if it is less than NOISY times the largest component.
 NOISY = 2.0**-48
-CAUTION = 4.0  # factor of the error estimate of `stormer`
 # Inputs that allow larger than relative errors: TINY if `lost` is `growing_components.RELATIVE`.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
@@ -64,7 +63,8 @@ def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
 def RATIO(error, inverse, f_new, ratio, total, aside):
     """Update `ratio`, max |error| / allowed error, and `total`, which is finite if f_new is.
 
-    In an implicit step aside f_new does not count, because only the end of the step is saved.
+    In a step aside of rules that do not interpolate, f_new does not count, because only the end of
+    the step is saved.
     """
     own = abs(error) * inverse
     return {
@@ -93,21 +93,20 @@ def DIFFERENCES(new, f_new, last, f_last, inverse, taken, rates, states):
 def find_errors(code, sizes):
     """Return maxima and sums over components, by name, that decide about a step.
 
-    They are results of `RATIO`, `LARGE` and `DIFFERENCES`, `alerts`, and `apart`.
+    They are results of `RATIO` and `LARGE`, `alerts`, `apart`, and sums of the rule.
     `apart` is the largest sum d that shows false steps (`step`), relative to allowed errors. The
     row `inverse` gets 1 / allowed errors. `sizes` is from `find_next_state`.
     """
     text, integrator, work = code.text, code.integrator, code.work
-    names = ["ratio", "total", "apart", "alerts"]
-    names += [] if integrator.is_implicit else ["rates", "states"]
+    names = ["ratio", "total", "apart", "alerts", *integrator.rule.sums]
     names += [] if integrator.has_atol else ["large"]
-    sums, taken = Carried(**dict.fromkeys(names, 0.0)), work.taken[0]
+    sums = Carried(**dict.fromkeys(names, 0.0))
     allowed = ALLOWED_WITH_ATOL if integrator.has_atol else ALLOWED
-    floor = "floor_implicit" if integrator.is_implicit else "floor"
     for (first, count), of_part in zip(integrator.parts, sizes, strict=True):
         for i in text.each(count, sums):
             i, inputs = i + first, dict(of_part)
-            inputs["floor"] = code.component(floor, i) if first == 0 else code.number("rtol")
+            floor = code.component(integrator.rule.floor, i) if first == 0 else code.number("rtol")
+            inputs["floor"] = floor
             if integrator.has_atol:
                 inputs |= {"noise": _noise(code, i), "extra": code.component("extra", i)}
             if integrator.is_relative:
@@ -116,52 +115,19 @@ def find_errors(code, sizes):
                     inputs[name] = is_own.select(TINY, inputs[name])
                 inputs["floor"] = is_own.select(code.number("rtol"), inputs["floor"])
             inverse = code.apply(allowed, i, **inputs)["inverse"]
-            aside = work.aside[0] if integrator.is_implicit else 0.0
+            aside = 0.0 if integrator.rule.interpolates else work.aside[0]
             found = code.apply(RATIO, i, inverse=inverse, aside=aside, **vars(sums))
             if first == 0:
                 found["alerts"] = alert(code, i).select(1.0, sums.alerts)
             if not integrator.has_atol:
                 own_sums = {"inverse": inverse, "large": sums.large, "noisy": inputs["noisy"]}
                 found |= code.apply(LARGE, i, **own_sums)
-            if not (integrator.is_implicit or integrator.sets):
-                inputs = {"last": work.a[i], "inverse": inverse, "taken": taken}
-                found |= code.apply(DIFFERENCES, i, **vars(sums) | inputs)
-            if not integrator.sets:
-                ratio = abs(apart_in(code, i)) * inverse
-                found["apart"] = larger_of(ratio, sums.apart)
-            sums.update(found)
+            sums.update(found | integrator.rule.add_errors(code, i, sums, inverse))
             work.inverse[i] = inverse
     return vars(sums)
-
-
-def apart_in(code, i):
-    """Return component i of the sum that shows false ends."""
-    if code.integrator.is_implicit:
-        return code.work.right[i]
-    if code.integrator.sets:
-        return code.text.value(0.0)
-    return weighted(code.integrator.weights, code.of_columns(code.work.apart, i))
 
 
 def _noise(code, i):
     """Return sum_c |w_c (y_c - x)| of component i, for rounding errors."""
     ends = code.of_columns(code.work.ends, i)
-    return weighted([abs(w) for w in code.integrator.weights], [abs(end) for end in ends])
-
-
-def differences_of_sets(code):
-    """Return `rates` and `states` of `DIFFERENCES` for `stormer`, and their `limit`.
-
-    They are products of the sums over both sets of variables. So rates / states is (h |mu|)**4 in
-    place of (h |mu|)**2, and the limit of h |mu| is squared, too.
-    """
-    text, work, sums = code.text, code.work, []
-    for components in code.integrator.sets:
-        own = Carried(rates=0.0, states=0.0)
-        for i in text.listed(components)(own):
-            inputs = {"last": work.a[i], "inverse": work.inverse[i], "taken": work.taken[0]}
-            own.update(code.apply(DIFFERENCES, i, **vars(own) | inputs))
-        sums.append(own)
-    A, B = sums
-    limit = code.number("limit")
-    return {"rates": A.rates * B.rates, "states": A.states * B.states, "limit": limit * limit}
+    return weighted([abs(w) for w in code.integrator.rule.weights], [abs(end) for end in ends])

@@ -36,7 +36,7 @@ def explicit_columns(rtol, has_surfaces):
     return OF_12 if rtol <= CLOSE and not has_surfaces else OF_10
 
 
-def implicit_columns(rtol):
+def implicit_columns(rtol, has_surfaces):
     """Return the numbers N of sub-steps in implicit columns: OF_7, or OF_9 if rtol is small."""
     return OF_9 if rtol < CLOSE_IMPLICIT else OF_7
 

@@ -50,7 +50,7 @@ FUNCTIONS = [
     (f"{module.__name__}.{name}", getattr(module, name))
     for module in (sf, sf.compiled, sf.integrability)
     for name in module.__all__
-    if inspect.isfunction(getattr(module, name)) and getattr(module, name).__qualname__ == name
+    if inspect.isfunction(getattr(module, name)) and hasattr(getattr(module, name), "__wrapped__")
 ]
 
 

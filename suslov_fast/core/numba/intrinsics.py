@@ -76,21 +76,32 @@ def _constant_with_address(context, builder, kind, value):
     return context.make_tuple(builder, kind, [address, *others])
 
 
-@intrinsic
-def with_item(typing, named, place, value):
+def with_item(named, place, value):
     """Return a named tuple with another value, of the same type, at the constant index `place`."""
-    if not isinstance(place, types.IntegerLiteral):
-        raise errors.RequireLiteralValue("place")
-    if value != named.types[place.literal_value]:
-        name = named.fields[place.literal_value]
-        raise errors.NumbaTypeError(f"{name} must be of type {named.types[place.literal_value]}")
+    return named._replace(**{named._fields[place]: value})
 
-    def emit(context, builder, signature, arguments):
-        result = builder.insert_value(arguments[0], arguments[2], place.literal_value)
-        context.nrt.incref(builder, named, result)
-        return result
 
-    return named(named, place, value), emit
+@type_callable(with_item)
+def _type_of_with_item(context):
+    def typed(named, place, value):
+        if not isinstance(place, types.IntegerLiteral):
+            raise errors.RequireLiteralValue("place")
+        kind = named.types[place.literal_value]
+        if value != kind:
+            raise errors.NumbaTypeError(
+                f"{named.fields[place.literal_value]} must be of type {kind}"
+            )
+        return named
+
+    return typed
+
+
+@lower_builtin(with_item, types.BaseTuple, types.IntegerLiteral, types.Any)
+def _with_item(context, builder, signature, arguments):
+    place = signature.args[1].literal_value
+    result = builder.insert_value(arguments[0], arguments[2], place)
+    context.nrt.incref(builder, signature.return_type, result)
+    return result
 
 
 def stream_pairs(target, i, b, row, l):

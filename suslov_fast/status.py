@@ -74,8 +74,8 @@ _MESSAGES = {
     Status.ENDED: "the solution ends: it escapes to infinity, or reaches a pole of the equations",
     Status.SLIDING: "the solution slides along conditions that do not tell how it goes on",
     Status.TOO_MANY_STEPS: (
-        "stopped before the last time: too many steps from one time to the next, or progress "
-        "returned False"
+        "stopped before the last time: steps and events follow one another, and the solution does "
+        "not move on; or progress returned False"
     ),
     Status.ACCUMULATES: "events follow one another without end, and no body comes to rest",
     Status.STOPPED: "finished: an event ended it",

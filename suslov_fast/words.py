@@ -195,7 +195,7 @@ OF_STEPS = (
    "stiff=True takes the implicit one always; iterate has method="),
   ("toxarray", "to_dataframe", "to_dataframe().to_xarray()"),
   ("maxsteps maxiter maxnumsteps mxstep", "",
-   "nothing: a solution ends after 250,000 steps from one time to the next; progress= ends calls"),
+   "nothing: no count ends a solution that moves on; progress= ends calls"),
   ("n num nsteps numsteps iterations steps samples size",
    "steps trajectories n J",
    "time=np.linspace(0, T, n) for n times; flow chooses its steps by rtol="),

@@ -51,6 +51,7 @@ _DOUBLE = 2.0**-20  # the same where f' is singular: double eigenvalues 0 have h
 # The steps to a member of a family: their number, the displacement from a member, relative, from
 # which they lead back, and the largest residual at their end, in units of the states.
 _TO_FAMILY, _AWAY, _RESIDUAL = 12, 2.0**-10, 2.0**-46
+_ALONG = 2.0**-5  # singular values of a projection are 0 or 1, up to the curvature of the family
 _ZERO = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`
 
 
@@ -72,13 +73,13 @@ class Equilibria(NamedTuple):
         a family of equilibria, of which the result is a member near the given state.
     stable : ndarray(bool, shape=(...))
         True where the equilibrium attracts, or a family of equilibria near it: all eigenvalues have
-        negative real parts, except the zeros that belong to linear integrals, and one along a
-        family. For a `Map` all multipliers have moduli below 1.
+        negative real parts, except the zeros that belong to linear integrals, and those along a
+        family, one for each of its dimensions. For a `Map` all multipliers have moduli below 1.
     kind : ndarray(str, shape=(...))
         "attracting", "repelling" or "saddle"; "neutral" if the eigenvalues decide nothing; "" where
         no equilibrium is found. With two eigenvalues it is "attracting node", "attracting focus",
         "repelling node", "repelling focus", "saddle" or "centre". On a family, such as the line of
-        equilibria of a body, the eigenvalue 0 along the family does not count.
+        equilibria of a body, eigenvalues 0 along the family do not count.
     """
 
     states: FloatArray
@@ -239,11 +240,18 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         double = _DOUBLE * np.fmax(size, at_start)
         rounding = np.where(is_degenerate | is_member, double, _NEUTRAL * size)
         kind, attracts = _kinds(others, rounding[..., np.newaxis], is_map)
-        along = abs(others - is_map).argsort(axis=-1)[..., 1:]  # all but the one nearest to 0
-        across = _kinds(np.take_along_axis(others, along, -1), rounding[..., np.newaxis], is_map)
-        kind, attracts = (
-            np.where(is_member, *each) for each in zip(across, (kind, attracts), strict=True)
-        )
+        order, zeros = abs(others - is_map).argsort(axis=-1), abs(others - is_map)
+        zeros = (zeros <= rounding[..., np.newaxis]).sum(axis=-1)
+        size_of_family = np.array(is_member, int)
+        for index in map(tuple, np.argwhere(is_family & (zeros > 1))):
+            size_of_family[index] = equations.member(index).size_of_family(y[index])
+        for n in range(1, size_of_family.max(initial=0) + 1):  # all but the n nearest to 0
+            across: Any = np.take_along_axis(others, order[..., n:], -1)
+            across = _kinds(across, rounding[..., np.newaxis], is_map)
+            kind, attracts = (
+                np.where(size_of_family == n, *each)
+                for each in zip(across, (kind, attracts), strict=True)
+            )
     status = np.select(
         [is_found & ~is_degenerate, is_found, ~has_value],
         [Status.OK, Status.DEGENERATE, Status.NONFINITE],
@@ -278,7 +286,7 @@ def _kinds(values: Any, rounding: Any, is_map: bool) -> tuple[NDArray[np.str_], 
     """
     growth, turns = abs(values) - 1.0 if is_map else values.real, (values.imag != 0).any(axis=-1)
     grows, falls = (growth > rounding).any(axis=-1), (growth < -rounding).any(axis=-1)
-    attracts = (growth < -rounding).all(axis=-1)
+    attracts = falls & (growth < -rounding).all(axis=-1)
     one_way, others = np.where(grows, "repelling", "attracting"), np.array("neutral")
     if growth.shape[-1] == 2:
         one_way = np.char.add(one_way, np.where(turns, " focus", " node"))
@@ -514,6 +522,16 @@ class _Equations:
             y = y - scale * (np.swapaxes(right, -2, -1) @ along[..., np.newaxis])[..., 0]
         is_zero = (known & (size <= _RESIDUAL))[..., 0]
         return y, is_zero & (self.step(y)[3] <= _WHOLE)
+
+    def size_of_family(self, y: FloatArray) -> int:
+        """Return the dimension of the family of equilibria near its member y (k,); at least 1.
+
+        Members near displaced states are projections of the displacements onto the family.
+        """
+        scale = np.maximum(self.sizes, abs(y))
+        moved = [self.in_family(y + _AWAY * away) for away in np.diag(scale)]
+        along = np.array([(member - y) / scale * is_member for member, is_member in moved])
+        return max(int((np.linalg.svd(along / _AWAY, compute_uv=False) > _ALONG).sum()), 1)
 
     def by_scipy(self) -> tuple[FloatArray, bool]:
         """Return the state that SciPy finds for a single field; True if it is an equilibrium."""

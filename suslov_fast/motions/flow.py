@@ -96,9 +96,10 @@ def flow(
     Motion
         The states (n, ..., D), and the status of each trajectory. If a solution ends, because it
         escapes to infinity or reaches a pole, its states are NaN from there on. The same holds for
-        a solution with more than 250,000 steps or events from one time to the next, and for
-        equations without a value at x0. One :class:`IntegrationWarning` counts all of these; it
-        tells the cause and the time of the first. Initial states with NaN cause no warning.
+        a solution that 250,000 steps, actions and records of events take less than a thousandth of
+        the last time further, and for equations without a value at x0. One
+        :class:`IntegrationWarning` counts all of these; it tells the cause and the time of the
+        first. Initial states with NaN cause no warning.
 
     See Also
     --------

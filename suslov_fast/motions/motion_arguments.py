@@ -13,7 +13,7 @@ from .. import checks
 from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
-from ..core.flow.step_length import MOST_STEPS
+from ..core.flow.step_length import MOST_TRIES
 from ..fields.constraints import constraints_of
 from ..fields.layout import Layout
 from ..results.result import read_only
@@ -42,8 +42,9 @@ CAUSES = {
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
     ),
     Status.TOO_MANY_STEPS: (
-        f"take more than {MOST_STEPS:,} steps, or as many events, from one time to the next (pass "
-        "more times, or a larger rtol)"
+        f"do not move on: {MOST_TRIES:,} steps, actions and records of events take them less than "
+        "a thousandth of the last time further (f turns ever faster, or an action leads back to "
+        "its surface)"
     ),
     Status.ACCUMULATES: (
         "have events that follow one another without end, and are no bounces of a body that comes "

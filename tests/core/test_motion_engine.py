@@ -13,7 +13,6 @@ from suslov_fast import Field, flow
 from suslov_fast.core.expressions import numpy_evaluation
 from suslov_fast.core.flow import batch_solver, step_length, vector_functions
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
-from suslov_fast.core.flow.code_arguments import NUMBER
 from suslov_fast.core.flow.memory import LaneState
 from suslov_fast.core.flow.rules import rule_of
 from suslov_fast.core.flow.weights import weights
@@ -92,9 +91,9 @@ def attempts(f, table, x, last, settings):
     """Yield t and x (D,): at first, and after each attempted step of `BatchSolver` to `last`."""
     request = SolverRequest([last], 1, settings)
     motion = BatchSolver(f, table, x[np.newaxis], request, np.empty((1, 1, f.D)))
-    motion.numbers[NUMBER.most], places = 0.0, motion.rows  # the code returns after each attempt
-    rows, mode = motion._rows(slice(0, 1)), int(bool(settings.stiff))
-    take = motion._runner(motion.integrator(mode), rows, np.zeros(1, np.int64), 1).take
+    rows, places, mode = motion._rows(slice(0, 1)), motion.rows, int(bool(settings.stiff))
+    runner = motion._runner(motion.integrator(mode), rows, np.zeros(1, np.int64), 1)
+    runner.budget = 1  # the code returns after each attempt
     while True:
         own = rows[0, : f.D].copy()
         if motion.starts is not None:
@@ -102,10 +101,7 @@ def attempts(f, table, x, last, settings):
         yield rows[0, places.t], own
         if rows[0, places.state] > LaneState.IMPLICIT:
             return
-        while not take():
-            pass
-        if rows[0, places.state] == LaneState.TOO_MANY:  # it has made its one attempt
-            rows[0, places.state] = mode
+        runner.take()
 
 
 def explicit_end(f, x, s, N, sets):

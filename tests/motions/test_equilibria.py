@@ -323,6 +323,24 @@ def test_lines_of_equilibria(field, axis, sign, kind):
             np.testing.assert_allclose(values, right, atol=1e-13 * size)
 
 
+@pytest.mark.filterwarnings("ignore:equilibria. ")
+def test_planes_and_spheres_of_equilibria():
+    """As many eigenvalues 0 as the family has dimensions are left out, and no more."""
+    for sign, kind in ((-1, "attracting"), (1, "repelling")):
+        plane = Field(lambda x, a=sign: (x[2] * x[0], -x[2] * x[1], a * x[2]), "x y z")
+        found = equilibria(plane, near=[[1.0, 2.0, 0.0], [300.0, 1e-3, 1e-4]])
+        assert found.kind.tolist() == [kind] * 2
+        assert found.stable.tolist() == [sign < 0] * 2
+    sphere = Field(lambda x: [a * (1 - x[0] ** 2 - x[1] ** 2 - x[2] ** 2) for a in x], 3)
+    found = equilibria(sphere, near=[0.5, 0.6, 0.7])
+    assert (found.kind, found.stable) == ("attracting", True)
+    line = Field(lambda x: (-x[0], x[0] * x[1] + x[2] ** 2, x[0] * x[2]), 3)  # 0, c, 0
+    found = equilibria(line, near=[0.0, 2.0, 0.0])
+    assert (found.kind, found.stable) == ("neutral", False)
+    turn = sf.Map(lambda x: (x[0] + x[2] * x[1], x[1] - x[2] * x[0], x[2] / 2), 3)
+    assert equilibria(turn, near=[1.0, 2.0, 0.1]).kind == "attracting"
+
+
 def test_one_half_of_the_line_of_a_body_attracts():
     body = sf.Suslov3D(1, 2, 0.3, 0.2)
     found = equilibria(body, near=[[-0.4, 0.6], [0.4, -0.6], [0.0, 0.0]])

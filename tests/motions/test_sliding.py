@@ -421,3 +421,28 @@ def test_a_motion_winds_into_a_corner_and_leaves_it(rtol):
     motion = flow(field, [0.1, 0.1, 0.0], time=[1.0, 2.5, 3.0, 4.0], rtol=rtol)
     right = [[0.0, 0.0], [0.0, 0.0], [0.0, -0.25], [0.5, -1.25]]
     np.testing.assert_allclose(motion.states[:, :2], right, atol=1e-10)
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize("by", ["d", "G d", "b C G d"])
+def test_two_surfaces_that_parameters_make_one(by, turn):
+    """Rows 0 and 2 of s = G x - d are one plane, y = d0, from t = d0 on; there x' = -1, y' = 0."""
+    names = {"b": (2,), "C": (2, 3), "G": (3, 2), "d": (3,)}
+    C = np.array([[2.0, -1.0, -2.0 * turn], [-1.0, 0.0, 0.0]])
+    G = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, turn]])
+    for level in (1.0, 0.3):
+        d = np.array([level, -1.0, level * turn])
+        of = {"b": np.zeros(2), "C": C, "G": G, "d": d}
+        given = {f"{n}{k}": a for n in by.split() for k, a in enumerate(of[n].ravel())}
+
+        def f(x, of=of, **p):
+            b, C, G, d = (
+                np.array([p.get(f"{n}{k}", a) for k, a in enumerate(of[n].ravel())]).reshape(shape)
+                for n, shape in names.items()
+            )
+            s = [np.sign(G[k, 0] * x[0] + G[k, 1] * x[1] - d[k]) for k in range(3)]
+            return tuple(b[i] + sum(C[i, k] * s[k] for k in range(3)) for i in range(2))
+
+        motion = flow(Field(f, "x y", **given), [-1.0, 0.0], time=[0.1, 2.0, 5.0])
+        assert motion.ok
+        np.testing.assert_allclose(motion.states, [[-1.1, 0.1], [-3, level], [-6, level]])

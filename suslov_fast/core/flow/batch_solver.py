@@ -20,7 +20,7 @@ from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
 from .rules import rule_of
-from .step_length import MOST_STEPS, first_part, limit_of
+from .step_length import MOST_TRIES, first_part, limit_of
 from .step_loop import text_of_integrator
 from .tolerance import floors_of
 
@@ -104,7 +104,7 @@ def numbers_of(f, settings, sign):
         limit=limit_of(settings.rtol, order),
         switches=float(settings.stiff is None),
         first_state=float(LaneState.IMPLICIT if settings.stiff else LaneState.EXPLICIT),
-        most=MOST_STEPS,
+        most=MOST_TRIES,
         many=many_of(settings.rtol),
         acts=float(settings.atol is None or bool(np.any(settings.atol))),
     ))  # fmt: skip

@@ -46,8 +46,7 @@ def CHOSEN(t, wanted, chosen_at, chosen_often, acted, state, mode, last):
     now = larger(larger(t, wanted), EARLY * last)
     is_at_once = (t - chosen_at <= AT_ONCE * now) & acted.equals(0.0)
     often = is_at_once.select(chosen_often + 1.0, 0.0)
-    runs = state.equals(mode) | state.equals(float(LaneState.TOO_MANY))
-    slides = (often >= BACK_AND_FORTH) & runs
+    slides = (often >= BACK_AND_FORTH) & state.equals(mode)
     return {
         "chosen_at": (acted > 0.0).select(chosen_at, t),
         "chosen_often": often,

@@ -50,7 +50,7 @@ class SharedNumbers(NamedTuple):
     limit: float  # h |mu| above which a step looks stiff, see `step_length.limit_of`
     switches: float  # 1 if lanes may change to the other integrator, else 0
     first_state: float  # the `LaneState` of the first steps, EXPLICIT or IMPLICIT
-    most: float  # the most steps, also refused ones, between two requested times
+    most: float  # the most `tries` that do not move a motion on, see `step_length.COUNT`
     many: float  # error / allowed error that raises the alarm, see `growing_components`
     acts: float  # 1 if lost digits (`growing_components`) make a trajectory begin again, else 0
     enough: float = inf  # number of recorded crossings after which a trajectory stops

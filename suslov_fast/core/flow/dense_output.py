@@ -163,13 +163,12 @@ def _test(code):
     is_right = (sums.ratio <= 1.0) | (taken - length <= AT_END * taken)
     fails = _passed(code, Value.__gt__) & ~(is_right & (sums.total < inf))
     with text.when(fails.any(), likely=False):
-        state = line.state[0]
-        state = state.equals(float(LaneState.TOO_MANY)).select(state, float(LaneState.EXPLICIT))
         # A very short step would be followed by others that are too short. So it is a step aside.
         is_short = length <= larger_of(AT_END * taken, NEARLY * work.t[0])
         again = {"wanted": is_short.select(taken, length), "second": inf}
         again |= {"t": work.t[0], "steps": line.steps[0] - 1.0}
-        code.keep(line, again | {"state": state, "longer": AFTER_REFUSED}, fails)
+        again |= {"state": float(LaneState.EXPLICIT), "longer": AFTER_REFUSED}
+        code.keep(line, again, fails)
         work.accepted.choose(fails, 0, 0.0)
 
 
@@ -213,5 +212,3 @@ def save(code, bits, states):
         times = Shared(one, of.times)
         line.next[0], line.second[0] = times[following], times[following + 1]
         line.tries[0] = 0.0
-        if code.integrator.events:
-            line.actions[0] = 0.0

@@ -216,7 +216,7 @@ def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, l
 
 
 @scalar_kernel
-def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, last, most):
+def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, last):
     """Return the time `at` of actions, `often`, how many followed at once, and the lane's `state`.
 
     Actions accumulate if they are `endless` at one instant, or if ACTIONS_AT_ONCE follow at once.
@@ -224,8 +224,7 @@ def STATE_AFTER_ACTIONS(total, endless, more, limit, t, state, often, actions, l
     """
     often_now = (more > 0.0).select(often + more, 0.0)
     piles_up = (often_now >= ACTIONS_AT_ONCE) | (endless > 0.0)
-    too_many = (actions > most).select(float(LaneState.TOO_MANY), state)
-    after = piles_up.select(float(LaneState.ACCUMULATES), too_many)
+    after = piles_up.select(float(LaneState.ACCUMULATES), state)
     after = (state < LaneState.DONE).select(after, state)
     after = (total < inf).select(after, float(LaneState.ENDED))
     end = (limit < inf).select(smaller(limit, last), t)
@@ -460,7 +459,7 @@ def _record_crossing(code, k, counts, by_motion):
         _take_columns(code, k, counts, by_motion, work.new, work.f_new)
         record(code, counts, k, work.new, work.f_new)
         line.recorded[0] = recorded = line.recorded[0] + counts.select(1.0, 0.0)
-        line.tries.choose(counts, 0, 0.0)
+        line.tries[0] = line.tries[0] + counts.select(1.0, 0.0)
         line.state.choose(counts & (recorded >= code.number("enough")), 0, float(LaneState.STOPPED))
 
 
@@ -487,7 +486,7 @@ def _act(code, k, truth, by_motion=None):
     if components and integrator.f.columns:
         code.call("f", work.new, code.table, work.f_new)
     line.counts[k] = counts = line.counts[k] + truth.select(1.0, 0.0)
-    line.actions[0] = line.actions[0] + truth.select(1.0, 0.0)
+    line.tries[0] = line.tries[0] + truth.select(1.0, 0.0)
     if integrator.events.most[k] < inf:
         is_over = truth & (counts >= float(integrator.events.most[k]))
         line.state.choose(is_over, 0, float(LaneState.STOPPED))
@@ -542,6 +541,6 @@ def _go_on(code, at_given_time, again):
     inputs = vars(sums) | vars(again) | {"endless": endless}
     inputs |= {"largest": before.size, "rate_before": before.rate}
     found = code.apply(LENGTH_AFTER_ACTIONS, **inputs) | code.apply(STATE_AFTER_ACTIONS, **inputs)
-    found |= {"longer": AT_FIRST, "stiff": 0.0, "easy": 0.0, "tries": 0.0}
+    found |= {"longer": AT_FIRST, "stiff": 0.0, "easy": 0.0}
     code.keep(line, found, is_changed)
     keep_levels(code, is_changed, work.new)

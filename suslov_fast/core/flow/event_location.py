@@ -218,8 +218,8 @@ def LEVEL(value, side, level, accepted):
 
 @scalar_kernel
 def TIME_AND_STATE(
-    before, t, steps, state, tries, accepted, next, last, most, mode, jumps, crosses, refused, ends,
-    lands, moves,
+    before, t, steps, state, accepted, next, last, mode, jumps, crosses, refused, ends, lands,
+    moves,
 ):  # fmt: skip
     """Return the time, number of steps and state of a lane after a step, and if f `jumped`.
 
@@ -227,12 +227,11 @@ def TIME_AND_STATE(
     if f jumps or ends at the end of the step, the lane runs on, even if the step had ended it.
     """
     jumped = moves & crosses & (jumps > 0.0) & (t < last)
-    running = (tries > most).select(float(LaneState.TOO_MANY), mode)
-    stopped = (state >= LaneState.DONE).select(running, state)
+    stopped = (state >= LaneState.DONE).select(mode, state)
     return {
         "t": refused.select(before, lands.select(next, t)),
         "steps": refused.select(steps - accepted, steps + lands.select(1.0, 0.0)),
-        "state": refused.select(stopped, (jumped | ends).select(running, state)),
+        "state": refused.select(stopped, (jumped | ends).select(mode, state)),
         "jumped": jumped.select(1.0, 0.0),
     }
 

@@ -17,7 +17,7 @@ class LaneState:
     IMPLICIT = 1
     DONE = 2  # the trajectory has reached the last time
     ENDED = 3  # steps have become too short
-    TOO_MANY = 4  # more steps than allowed between two requested times
+    TOO_MANY = 4  # the motion stands still, see `step_length.COUNT`
     NO_VALUE = 5  # f has no value at the start
     SLIDING = 6  # a branch of f changes back and forth
     STOPPED = 7  # an event has ended the trajectory
@@ -58,7 +58,6 @@ def rows_of_trajectory(integrator):
         recorded=acts,  # number of crossings that events have recorded without acting
         often=acts,  # how often in a row an event has acted again at once
         resting=acts,  # number of surfaces on which the state stays
-        actions=acts,  # number of actions since the last requested time
         levels=f.of.invariants_count,  # values of invariants that steps keep, see `projection`
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
@@ -71,7 +70,8 @@ def rows_of_trajectory(integrator):
         patience=1,  # number of stiff steps after which a lane becomes implicit
         trial=1,  # number of steps that are left of the trial of implicit steps
         steps=1,  # number of accepted steps
-        tries=1,  # number of steps, also refused ones, since the last requested time
+        tries=1,  # number of steps, also refused ones, actions and records, see `step_length.COUNT`
+        counted_from=1,  # time at which `step_length.COUNT` last found that the motion moves on
         watches=1,  # the largest `lost`; infinity after an alarm, see `growing_components`
         inner=1,  # in a search for a surface: length of a step that does not cross it
         outer=1,  # in a search for a surface: length of a step that crosses it; else infinity

@@ -74,6 +74,7 @@ def take_step(code):
     if code.f.hybrid.branches:
         branch_choice.renew(code)
     growing_components.sound(code)
+    step_length.count(code)
     move(code)
 
 

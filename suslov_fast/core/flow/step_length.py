@@ -40,7 +40,9 @@ SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step 
 # true steps, 100 would accept more false ones. OF_APART is the factor to the next, shorter, length.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
-MOST_STEPS = 250_000  # the most steps between two requested times
+# A trajectory ends if MOST_TRIES tries, actions and records move it on by less than ADVANCE of
+# the last time.
+MOST_TRIES, ADVANCE = 250_000, 1e-3
 # A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps clear this count.
 # It becomes explicit after EASY steps that explicit ones could do as well; if this happens within
 # less than TRIAL implicit steps, its patience becomes 4 times as large, at most MOST_PATIENCE.
@@ -204,12 +206,11 @@ def after(power):
     return scalar_kernel(functools.partial(_after, power=power))
 
 
-def _ends(t, taken, wanted, state, tries, shortest, most):
-    """Return which lanes run; `state`, ENDED if `wanted` is too short; and where tries are over."""
+def _ends(t, taken, wanted, state, shortest):
+    """Return which lanes run, and `state`, which is ENDED if `wanted` is too short."""
     runs = (taken > 0.0) & (state < LaneState.DONE)
     is_short = runs & (wanted < larger(shortest * t, TINY))
-    state = is_short.select(float(LaneState.ENDED), state)
-    return runs, state, runs & (tries > most) & (state < LaneState.DONE)
+    return runs, is_short.select(float(LaneState.ENDED), state)
 
 
 def _is_stiff(rates, states, limit):
@@ -218,24 +219,24 @@ def _is_stiff(rates, states, limit):
 
 
 @scalar_kernel
-def LOOKS(t, taken, wanted, tries, rates, states, stiff, apart, shortest, limit, most):
+def LOOKS(t, taken, wanted, rates, states, stiff, apart, shortest, limit):
     """Return True if `TURN_EXPLICIT` may change a lane: its step looks stiff, or it may end."""
     is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
-    is_over = (wanted < larger(shortest * t, TINY)) | (tries > most)
-    return {"looks": (taken > 0.0) & (is_stiff | is_over)}
+    is_short = wanted < larger(shortest * t, TINY)
+    return {"looks": (taken > 0.0) & (is_stiff | is_short)}
 
 
 @scalar_kernel
 def TURN_EXPLICIT(
-    t, taken, wanted, longer, state, stiff, easy, patience, trial, tries, accepted, rates, states,
-    ratio, apart, shortest, limit, switches, most,
+    t, taken, wanted, longer, state, stiff, easy, patience, trial, accepted, rates, states, ratio,
+    apart, shortest, limit, switches,
 ):  # fmt: skip
     """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
     `easy` counts the accepted steps since the last stiff one. At FORGET of them the count `stiff`
-    becomes 0. The lane ends if its next step would be too short, or after too many tries (`_ends`).
+    becomes 0. The lane ends if its next step would be too short (`_ends`).
     """
-    _, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
+    _, state = _ends(t, taken, wanted, state, shortest)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
     more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
     easy_now = (more > 0.0).select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
@@ -244,10 +245,9 @@ def TURN_EXPLICIT(
     is_false = (taken > 0.0) & _is_false(ratio, apart)
     stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))
     turns = (stiff >= patience) & (switches > 0.0) & (state < LaneState.IMPLICIT)
-    after = stops.select(float(LaneState.TOO_MANY), state)
     return {
         "longer": turns.select(AT_FIRST, longer),
-        "state": turns.select(float(LaneState.IMPLICIT), after),
+        "state": turns.select(float(LaneState.IMPLICIT), state),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
         "trial": turns.select(TRIAL, trial),
@@ -256,8 +256,7 @@ def TURN_EXPLICIT(
 
 @scalar_kernel
 def TURN_IMPLICIT(
-    t, taken, wanted, state, easy, patience, trial, tries, accepted, rate, shortest, limit,
-    switches, most,
+    t, taken, wanted, state, easy, patience, trial, accepted, rate, shortest, limit, switches,
 ):  # fmt: skip
     """Count easy steps in a row; after EASY of them an implicit lane turns explicit.
 
@@ -265,7 +264,7 @@ def TURN_IMPLICIT(
     first TRIAL steps, this bound is lower. A lane that turns explicit in its trial has more
     `patience` afterwards, so that it does not change back and forth.
     """
-    runs, state, stops = _ends(t, taken, wanted, state, tries, shortest, most)
+    runs, state = _ends(t, taken, wanted, state, shortest)
     accepted = accepted > 0.0
     left = larger(trial - 1.0, 0.0)
     is_trial = left > 0.0
@@ -275,16 +274,37 @@ def TURN_IMPLICIT(
     patient = (is_easy | is_trial).select(patience, PATIENCE)
     easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
     turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < LaneState.DONE)
-    after = stops.select(float(LaneState.TOO_MANY), state)
     after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
     explicit = smaller(wanted, limit / larger(rate, TINY))
     return {
         "wanted": turns.select(explicit, wanted),
-        "state": turns.select(float(LaneState.EXPLICIT), after),
+        "state": turns.select(float(LaneState.EXPLICIT), state),
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),
         "trial": accepted.select(left, trial),
     }
+
+
+@scalar_kernel
+def COUNT(t, state, tries, counted_from, last, most):
+    """Return rows of a lane: after more than `most` tries it ends, unless it has moved on.
+
+    It has moved on if the time is ADVANCE times the last time later than at the last such test.
+    """
+    is_over = tries > most
+    stands = is_over & (state < LaneState.DONE) & (t - counted_from < ADVANCE * last)
+    return {
+        "state": stands.select(float(LaneState.TOO_MANY), state),
+        "tries": is_over.select(0.0, tries),
+        "counted_from": is_over.select(t, counted_from),
+    }
+
+
+def count(code):
+    """End the trajectories that take too many tries without moving on (`COUNT`)."""
+    is_over = code.line.tries[0] > code.number("most")
+    with code.text.when(is_over.any(), likely=False):
+        code.keep(code.line, code.apply(COUNT))
 
 
 def choose_length(code):

@@ -41,6 +41,8 @@ class _Rates:
     """The rates of a `Program` f (D) with a mode for each surface, then for each contact.
 
     pairs        the two compared operands of each surface
+    twins        {number of a surface: [(number of an earlier one, its sign, truth value that the
+                 parameters make both the same plane)]}
     comparisons  the operations that compare them; both are results of `_comparisons_in`
     values       the `ExtendedState` of f, its modes and its parameters
     surfaces     the operand of s for each surface
@@ -59,8 +61,12 @@ class _Rates:
         self.values = values = ExtendedState(D, self.size, P)
         modes = [values.number(D + g) for g in range(count)]
         self.above = [(mode > 0.5).number for mode in modes]
+        self.twins = self._twins()
         new = self._evaluated({})
         self.surfaces = [values.difference(*renamed(pair, new)) for pair in pairs.values()]
+        for g, twins in self.twins.items():  # it has the mode of its twin, and is never reached
+            for _, _, truth in twins:
+                self.surfaces[g] = folded(values.emit, "select", (truth, 1.0, self.surfaces[g]))
         self.slopes = values.slopes(self.surfaces)
         self.slides = [mode * mode < 0.5 for mode in modes]
         self.touching = {}
@@ -72,6 +78,35 @@ class _Rates:
             for mode, (k, action) in enumerate(touching.items(), D + count)
         }
         self.constraints = self._constraints({})
+
+    def _twins(self):
+        """Return `twins`; surfaces that are no planes have none."""
+        values, emit, found = self.values, self.values.emit, {}
+        program = program_of(self.f.operations, [a for pair in self.pairs.values() for a in pair])
+        operands = emitted(values, program, dict(values.inputs))
+        surfaces = [*map(values.difference, operands[::2], operands[1::2])]
+        at_0 = values.at([0.0] * (self.D + self.size), surfaces)[0]
+        slopes = values.slopes(surfaces)
+        is_plane = [all(map(values.is_fixed, row.values())) for row in slopes]
+        for g, h in combinations(compress(range(self.count), is_plane), 2):
+            pairs = [(slopes[g].get(i, 0.0), slopes[h].get(i, 0.0)) for i in range(self.D)]
+            for sign in (1.0, -1.0):
+                truth = True
+                for a, b in [*pairs, (at_0[g].number, at_0[h].number)]:
+                    is_same = folded(emit, "oeq", (a, emit("fmul", sign, b)))
+                    truth = folded(emit, "and", (truth, is_same))
+                if truth is not False:
+                    found.setdefault(h, []).append((g, sign, truth))
+        return found
+
+    def _is_above(self, g, sides):
+        """Return the truth value that f is f above surface g; a twin has the side of its twin."""
+        emit, is_above = self.values.emit, sides.get(g, self.above[g])
+        for h, sign, truth in reversed(self.twins.get(g, ())):
+            of_twin = folded(emit, "xor", (sign < 0.0, sides.get(h, self.above[h])))
+            differs = folded(emit, "and", (truth, folded(emit, "xor", (is_above, of_twin))))
+            is_above = folded(emit, "xor", (is_above, differs))
+        return is_above
 
     def _constraints(self, sides):
         """Return {mode: `Constraint`} of contacts, and of surfaces that are not in `sides`."""
@@ -124,12 +159,15 @@ class _Rates:
                 new[number] = folded(emit, name, of)
                 continue
             g = [*self.pairs].index(key)
-            is_above = sides.get(g, self.above[g])
+            is_above = self._is_above(g, sides)
             if kind == "fdiv":
                 [c] = renamed(factors, new)
                 new[number] = emit("fmul", c, folded(emit, "select", (is_above, sign, -sign)))
             elif kind == "fabs":  # |s| is the mode times s, so 0 on the surface
                 modulus = emit("fmul", sign, emit("fmul", self.D + g, of[0]))
+                if g in self.twins:
+                    c = emit("fmul", sign, of[0])
+                    modulus = folded(emit, "select", (is_above, c, emit("fmul", -1.0, c)))
                 modulus = emit("max", modulus, 0.0) if self.has_gaps else modulus
                 new[number] = 0.0 if g in sides else modulus
             elif kind in _KINKS:

@@ -15,10 +15,8 @@ from .motions.events import Events as Events
 from .motions.exponents import lyapunov_exponents as lyapunov_exponents
 from .motions.flow import flow as flow
 from .motions.motion import Motion as Motion
-from .motions.periodic_orbits import (
-    PeriodicOrbit as PeriodicOrbit,
-    periodic_orbit as periodic_orbit,
-)
+from .motions.periodic_orbit_results import PeriodicOrbit as PeriodicOrbit
+from .motions.periodic_orbits import periodic_orbit as periodic_orbit
 from .orbits.iterate import iterate as iterate, step as step
 from .orbits.trajectories import Trajectories as Trajectories
 from .plots.explore import explore as explore

@@ -131,9 +131,21 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     named = [name for name in known if kinds[name] is inspect.Parameter.KEYWORD_ONLY]
     if named and str(error).endswith("given") and len(args) > len(parameters) - len(named):
         others = ", ".join(name for name in known if name not in named)
+        if called == "flow" and len(args) == 3:
+            return TypeError(f"flow has two arguments without a name: pass {_call_of_flow(*args)}")
         which = f"{others}; pass others" if others else "pass them"
         return TypeError(f"{error}: {which} by name, as {named[0]}=")
     return error
+
+
+def _call_of_flow(_: Any, second: Any, third: Any) -> str:
+    """Return the call of `flow` for arguments in the order of solve_ivp, or of odeint."""
+    span = second if isinstance(second, tuple) else ()
+    if [isinstance(a, (int, float)) for a in span] != [True, True]:
+        return "flow(f, y0, time=t)"
+    start, end = span
+    t0 = f", t0={start}" if start != 0 else ""
+    return f"flow(f, y0, time=np.linspace(0, {end - start}, 201){t0})"
 
 
 def public_class(kind: type[R]) -> type[R]:

@@ -86,6 +86,7 @@ TABLE = (
   ("u values result data trajectories points shape numpy tonumpy select max min mean", "states",
    "iterate, whose result has states"),
   ("index idx member which", "trajectory", "states[:, i], of trajectory i"),
+  ("bytrajectory pertrajectory groupby grouped", "split", ""),
   ("success retcode", "ok", ""),
   ("message error failed failedat", "status", ""),
   ("last end final finalstate laststate", "final states[-1]", ""),
@@ -191,8 +192,8 @@ OF_STEPS = (
   ("atol abstol", "atol", "flow(..., atol=); steps of a map have no tolerance"),
   ("odeset opts options", "rtol", "flow(system, x0, time=t, rtol=, atol=, max_step=)"),
   ("order integrator solver alg algorithm scheme method", "method",
-   "rtol= of flow, which chooses between an explicit and an implicit method at each step; "
-   "stiff=True takes the implicit one always; iterate has method="),
+   "nothing: flow chooses its method at each step, by rtol=; stiff=True takes the implicit one "
+   "always; field.conserving() keeps the energy, as symplectic methods nearly do"),
   ("toxarray", "to_dataframe", "to_dataframe().to_xarray()"),
   ("maxsteps maxiter maxnumsteps mxstep", "",
    "nothing: no count ends a solution that moves on; progress= ends calls"),
@@ -209,6 +210,7 @@ OF_STEPS = (
   ("every stride thin sample saveat saveeverystep saveall refine", "save_every",
    "time=np.arange(0, T, dt), at which states are wanted"),
 )  # fmt: skip
+OF_CLOSED_FORMS = "flow(body, omega0, time=t), which is exact; n counts steps of the map"
 # How to write in f a function of t that is values[i] from knots[i] to knots[i + 1].
 STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
 # Functions that f of a `Field` or `Map` cannot call, and how to write them with those it can.
@@ -252,6 +254,6 @@ def answer(word: str, known: Collection[str] = ()) -> str:
         if name.partition("[")[0] in known:
             return name
     if is_of_steps and not {"time", "steps"} & {*known}:
-        return ""
+        return OF_CLOSED_FORMS if "time" in names and {"eps", "n"} <= {*known} else ""
     near = get_close_matches(plain, known, 1, 0.75)
     return near[0] if near and not how else how

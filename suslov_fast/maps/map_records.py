@@ -77,7 +77,8 @@ def map_of(body: Any, method: str = "auto") -> Discretization:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + _HOW
         raise checks.wrong("system", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
-    instead = ": Kahan's map, of order 2, is 'auto'; flow(system, x0, time=T) has a tolerance"
+    instead = ": Kahan's map, of order 2, is 'auto'; flow(field.conserving(), x0, time=T) has a "
+    instead += "tolerance, and keeps the energy"
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

@@ -104,6 +104,7 @@ class Events(Result):
 
     _called = "events"
     _by_number = "events.states[k], or events.time[events.which == k] for one event of a list"
+    _in_parts = ", or events.split(), a list of them by trajectory"
     _coordinates: ClassVar[Any] = "trajectory", "which", "time"
 
     trajectory: NDArray[np.int64]
@@ -154,7 +155,8 @@ class Events(Result):
 
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
         attributes = super()._members(index)
-        kept = self.trajectory == np.ravel_multi_index(index, self._batch)
+        k = np.ravel_multi_index(index, self._batch)
+        kept = slice(*np.searchsorted(self.trajectory, [k, k + 1]))
         for column in OF_EVENTS:
             if (values := attributes[column.name]) is not None:
                 attributes[column.name] = values[kept]
@@ -163,6 +165,22 @@ class Events(Result):
             "_given": given,
             "trajectory": np.zeros_like(attributes["trajectory"]),
         }
+
+    def split(self) -> list[Events]:
+        """Return the events of each trajectory, a list in the order of the batch, flattened.
+
+        Examples
+        --------
+        The times between the maxima of three oscillators:
+
+        >>> import numpy as np
+        >>> from suslov_fast import Field, crossings
+        >>> family = Field(lambda x, k: (x[1], -k * x[0]), "x v", k=[1.0, 4.0, 9.0])
+        >>> maxima = crossings(family, [1.0, 0.0], "v", direction="down", time=20.0)
+        >>> [np.diff(each.time).mean().round(6).item() for each in maxima.split()]
+        [6.283185, 3.141593, 2.094395]
+        """
+        return [self.of(k) for k in range(math.prod(self._batch))]
 
     def of(self, trajectory: int) -> Events:
         """Return the events of one trajectory, by its number in the batch, flattened in C order."""

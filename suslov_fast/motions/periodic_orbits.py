@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, NoReturn
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.systems import System
-from ..checks import FloatArray, StatesLike, short, warn, wrong
+from ..checks import FloatArray, Reals, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
 from ..fields.constraints import constraints_of
 from ..fields.field import Field, system_of
-from ..fields.html import html_table
 from ..fields.map import Map
-from ..keywords import lacking, public
+from ..keywords import public
+from ..results.result import place_in
 from .event import Event
-from .events import checked_events
+from .events import Derivatives, checked_events
 from .kept_integrals import has_integrals, warn_of_changes
-from .motion_arguments import check_constraints, checked_settings
+from .motion_arguments import check_constraints, checked_derivatives, checked_settings
+from .periodic_orbit_results import OrbitDerivatives, PeriodicOrbit, each_of, joined
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
 _AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
@@ -35,59 +35,17 @@ _ROUGH = 1e-8  # the least rtol of the motion that is searched for a near return
 _LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0
 
 
-class PeriodicOrbit(NamedTuple):
-    """A periodic orbit: the result of :func:`periodic_orbit`.
-
-    Examples
-    --------
-    >>> from suslov_fast import Field, flow, periodic_orbit
-    >>> field = Field.from_hamiltonian(lambda x: (x[0]**2 + x[1]**2) / 2 + x[0]**3, "q p")
-    >>> orbit = periodic_orbit(field, [0.1, 0.0], period=6.3)
-    >>> motion = flow(field, orbit.state, time=orbit.period, rtol=1e-12)
-    >>> bool(abs(motion.states[-1] - orbit.state).max() < 1e-11)
-    True
-    """
-
-    state: FloatArray
-    """A state of the orbit, shape (D,)."""
-    period: float
-    """The period."""
-    multipliers: NDArray[np.complex128]
-    """Floquet multipliers: eigenvalues of the derivative of the motion over a period.
-
-    They are sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. The shape is (D,),
-    or less if variables have constant rates, or with constraints, as for
-    :func:`lyapunov_exponents`."""
-    residual: float
-    """The largest distance from the end of the orbit, or of an arc, to the start of the next arc.
-
-    Distances are moduli of components, divided by the largest modulus in the states."""
-    stable: bool
-    """True if the orbit attracts: all nontrivial multipliers have moduli below 1 - 1e-6.
-
-    A trivial multiplier is 1 for any motion: one for the direction of the flow, unless the
-    equations depend on time, and one for each known integral. With events that change states no
-    integral is known."""
-
-    def __getattr__(self, name: str) -> NoReturn:
-        times = "np.linspace(0, orbit.period, 200)"
-        here = f"flow(system, orbit.state, time={times}).states" if name == "states" else ""
-        raise lacking(self, name, here)
-
-    def _repr_html_(self) -> str:
-        return html_table("PeriodicOrbit", ["", "value"], self._asdict().items())
-
-
 @public
 def periodic_orbit(
     system: System,
     x0: StatesLike,
     /,
-    period: float | None = None,
+    period: Reals | None = None,
     *,
     rtol: float = 1e-12,
-    t0: float | None = None,
+    t0: Reals | None = None,
     events: Event | Sequence[Event] | None = (),
+    derivatives: str | Sequence[str] = (),
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and its Floquet multipliers.
 
@@ -103,20 +61,25 @@ def periodic_orbit(
     Parameters
     ----------
     system : Field, Suslov3D, SuslovND or callable
-        A single field or body, or a function as in :func:`flow`.
-    x0 : array_like(float, shape=(D,))
+        A field or body, or a function as in :func:`flow`. For a family, or several `x0`, the orbits
+        are found one after the other.
+    x0 : array_like(float, shape=(..., D))
         A state near the orbit.
-    period : float, optional
+    period : array_like(float, shape=(...)), optional
         The approximate period; by default the time after which the motion from `x0` nearly returns
         to it. If the equations depend on time, a variable with a constant rate, pass the period of
         the force; it stays fixed.
     rtol : float
         The relative tolerance of :func:`flow`.
-    t0 : float, optional
+    t0 : array_like(float, shape=(...)), optional
         If f takes the time, as f(t, y): the time t at the state, by default 0.
     events : Event or sequence of Event
         Events on surfaces, see :class:`Event`, for cycles that bounce, walk or spike. The returned
         state lies between two events.
+    derivatives : str or sequence of str
+        Parameters of the field. ``orbit.derivatives["a"].period`` is the derivative of the period
+        with respect to a, and ``.state`` of the state; NaN for a member of a family of orbits,
+        which parameters do not determine.
 
     Returns
     -------
@@ -128,7 +91,8 @@ def periodic_orbit(
     ------
     NoConvergence
         If there is no periodic orbit near `x0` and `period`. The message says what was found
-        instead: an equilibrium, or a motion that ends.
+        instead: an equilibrium, or a motion that ends. For a batch it is a warning, and the result
+        has NaN there.
     ValueError
         If the equations depend on time and `period` is left out, or is not a period of the force.
 
@@ -155,6 +119,15 @@ def periodic_orbit(
     >>> orbit = periodic_orbit(roessler, [0.0, -8.4, 0.03])
     >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
     (5.881088456, -2.403954)
+
+    The cycles of a family, and by how much the period changes with the parameter:
+
+    >>> van_der_pol = Field(
+    ...     lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), "x v", mu=[0.5, 1.0]
+    ... )
+    >>> cycles = periodic_orbit(van_der_pol, [2.0, 0.0], derivatives="mu")
+    >>> cycles.period.round(6), cycles.derivatives["mu"].period.round(6)
+    (array([6.385..., 6.663287]), array([0.19..., 0.35...]))
     """
     body: Any = system_of(system, x0)
     if isinstance(body, Map):
@@ -164,7 +137,38 @@ def periodic_orbit(
     if any(event.times is not None for event in acting):
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
-    x = _checked_start(body, x0, t0)
+    names = _checked_names(body, derivatives)
+    x = body._layout.enter("x0", x0, t0)
+    T: Any = None if period is None else checks.real_number("period", period)
+    shapes = {"system": body.shape, "x0": x.shape[:-1], "period": np.shape(T)}
+    batch = checks.common_shape(shapes)
+    if not batch:
+        return _orbit(body, x, T, rtol, acting, names)
+
+    def member(index: tuple[int, ...]) -> PeriodicOrbit | None:
+        one = body[place_in(body.shape, index)] if body.shape else body
+        start = np.broadcast_to(x, (*batch, x.shape[-1]))[index]
+        if np.isnan(start).any():
+            return None
+        time = None if T is None else float(np.broadcast_to(T, batch)[index])
+        return _orbit(one, start, time, rtol, acting, names)
+
+    return joined(batch, [*each_of(batch, member)], body._layout, names)
+
+
+def _orbit(
+    body: Any,
+    x: FloatArray,
+    period: float | None,
+    rtol: float,
+    acting: tuple[Event, ...],
+    names: tuple[str, ...],
+) -> PeriodicOrbit:
+    """Return the orbit of a single system near the state x of the engine; or raise an error."""
+    if not np.isfinite(x).all():
+        raise wrong("x0", "finite", short(body._layout.leave(x).tolist()))
+    check_constraints(body, x)
+    x = np.array(x)
     settings = checked_settings(body, rtol)
     field = body._field
     motion = FieldFlow(field, x, settings, acting)
@@ -181,24 +185,40 @@ def periodic_orbit(
         if has_integrals(field):  # integrals may change near x0 alone, if the result is at rest
             looks = search.T * _LOOKS
             states = np.concatenate([motion.states(each, looks) for each in (x, orbit.state)])
-            since = 0.0 if t0 is None else t0
+            since = x[-1] if body._layout.has_time else 0.0
             warn_of_changes(field, x[np.newaxis], (), states[:, None], np.tile(looks, 2), since)
-        orbit = orbit._replace(state=body._layout.leave(orbit.state))
+        orbit = orbit._replace(
+            state=body._layout.leave(orbit.state), derivatives=_derivatives(search, names)
+        )
         if not (orbit.stable or motion.is_forced):  # attractors, forced orbits may be far from x0
             _warn_of_distance(search, x)
     return orbit
 
 
-def _checked_start(system: Any, x0: Any, t0: Any) -> FloatArray:
-    x = system._layout.enter("x0", x0, t0)
-    if system.shape or x.ndim > 1:
-        expected = f"called with a single {type(system).__name__} and state"
-        received = f"a batch {system.shape or x.shape[:-1]}: call it for system[k], in a loop"
-        raise wrong("periodic_orbit", expected, received)
-    if not np.isfinite(x).all():
-        raise wrong("x0", "finite", short(x0))
-    check_constraints(system, x)
-    return np.array(x)
+def _checked_names(system: Any, derivatives: Any) -> tuple[str, ...]:
+    names = checked_derivatives(system, derivatives)
+    if "x0" in names:
+        raise wrong("derivatives", "parameters: an orbit does not depend on x0", "'x0'")
+    if names and constraints_of(system._field):
+        raise wrong("derivatives", "left out for a field with constraints", short(names))
+    return names
+
+
+def _derivatives(search: Shooting, names: tuple[str, ...]) -> dict[str, OrbitDerivatives]:
+    """Return derivatives of an orbit by name; NaN and a warning if it is a member of a family."""
+    if not names:
+        return Derivatives()
+    of_state, of_T = search.by_parameters(names)
+    if search.freedom > (not search.flow.is_forced):
+        warn(
+            "periodic_orbit: no derivatives, because parameters do not determine a member of a "
+            "family; an event or a damping that selects one does"
+        )
+        of_state, of_T = of_state + np.nan, of_T + np.nan
+    columns = search.flow.field._layout.leave(of_state.T)
+    return Derivatives(
+        (name, OrbitDerivatives(float(of_T[k]), columns[k])) for k, name in enumerate(names)
+    )
 
 
 def _checked_period(

@@ -97,6 +97,14 @@ class FieldFlow:
         result = with_derivatives(self.field, nodes, batch, ("x0",), request, self._actions)
         return result.states[0], result.derivatives[0]
 
+    def arcs_by(
+        self, nodes: FloatArray, duration: float, parameters: tuple[str, ...]
+    ) -> FloatArray:
+        """Return the derivatives (M, D, P) of the ends of arcs with respect to parameters."""
+        request, batch = self._request([duration]), (len(nodes),)
+        result = with_derivatives(self.field, nodes, batch, parameters, request, self._actions)
+        return np.asarray(result.derivatives[0])
+
     def states(self, x: FloatArray, times: Any) -> FloatArray:
         """Return the states (n, D) of the motion from x at times, all 0 or later."""
         return self._solved(x[np.newaxis], times).states[:, 0]
@@ -218,6 +226,28 @@ class Shooting:
         values = np.linalg.svd(matrix, compute_uv=False)
         rank = int((values > _LEAST * max(values[0], 1.0)).sum())
         return matrix.shape[1] - rank
+
+    def by_parameters(self, parameters: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+        """Return derivatives of the first node (D, P) and of T (P,) with respect to parameters.
+
+        They solve the equations of Newton's steps, with the derivatives of the ends on the right.
+        The change of the node is perpendicular to f, since it may move along the orbit.
+        """
+        flow, (M, n), P = self.flow, self.gaps.shape, len(parameters)
+        ends = flow.arcs_by(self.nodes, self.T / M, parameters)[:, self.moving]
+        matrix, right = self._matrix(), -ends / self.units[:, np.newaxis]
+        right = right.reshape(M * n, P)
+        if flow.is_forced:
+            matrix = matrix[:, :-1]
+        else:
+            row = np.zeros(matrix.shape[1])
+            row[:n] = flow.field._value(self.nodes[0])[self.moving] * self.units
+            matrix = np.vstack([matrix, row / np.linalg.norm(row)])
+            right = np.vstack([right, np.zeros(P)])
+        solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        of_node = np.zeros((len(flow.drifts), P))
+        of_node[self.moving] = solution[:n] * self.units[:, np.newaxis]
+        return of_node, np.zeros(P) if flow.is_forced else self.T * solution[-1]
 
     def _step(self) -> tuple[FloatArray, float]:
         """Return a damped Newton step: changes of nodes and of log T; NaN without derivatives."""

@@ -32,6 +32,7 @@ class Result:
     status: Any
     _called: ClassVar[str] = "a run"  # name of the result in messages
     _by_number: ClassVar[str] = "run.states[k], or run.member(k) for one trajectory"
+    _in_parts: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         """Replace arrays by read-only views, because a caller may go on to write to the arrays."""
@@ -107,7 +108,8 @@ class Result:
 
     def __iter__(self) -> NoReturn:
         kind = type(self).__name__
-        raise TypeError(f"{self._called} is no sequence: use .time and .states of the {kind}")
+        how = f"use .time and .states of the {kind}{self._in_parts}"
+        raise TypeError(f"{self._called} is no sequence: {how}")
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is None:  # NumPy 1.26 does not accept None

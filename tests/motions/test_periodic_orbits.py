@@ -7,6 +7,7 @@ from systems import LORENZ, kepler, on_a_table, three_bodies, van_der_pol
 
 import suslov_fast as sf
 from suslov_fast import Event, Field, NoConvergence, flow, periodic_orbit
+from suslov_fast.motions import shooting
 
 # Those of integrals that are not known are told by one warning, which a test below asks for.
 pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
@@ -390,3 +391,85 @@ def test_a_doubled_orbit_beside_the_single_one():
     orbit = periodic_orbit(field, 1.001 * x0, period=11.5)
     assert orbit.period > 11
     assert orbit.stable
+
+
+# ---------------------------------------------------------------------- batches, and derivatives
+VAN_DER_POL = Field(
+    lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), "x v", mu=np.array([0.5, 1.0, 3.0])
+)
+
+
+def test_orbits_of_a_family_and_of_starts():
+    """Bits of single calls; NaN and one warning for members without an orbit."""
+    cycles = periodic_orbit(VAN_DER_POL, [2.0, 0.0], period=[[6.4, 6.6, 8.9]] * 2)
+    assert cycles.state.shape == (2, 3, 2)
+    assert cycles.stable.all()
+    for k, T in enumerate([6.4, 6.6, 8.9]):
+        one = periodic_orbit(VAN_DER_POL[k], [2.0, 0.0], period=T)
+        for values, wanted in zip(cycles[:5], one[:5], strict=True):
+            np.testing.assert_array_equal(values[1, k], wanted)
+    field = Field(lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), "x v", mu=[1, -0.2, 1])
+    with pytest.warns(UserWarning, match=r"1 of 3 .*first: trajectory 1: .*falls"):
+        cycles = periodic_orbit(field, [[2.0, 0.0], [1.0, 0.0], [np.nan, 0.0]], derivatives="mu")
+    for values in (cycles.state[:, 0], cycles.period, cycles.derivatives["mu"].period):
+        assert np.isnan(values).tolist() == [False, True, True]
+    assert cycles.stable.tolist() == [True, False, False]
+
+
+def test_derivatives_of_periods_of_integrate_and_fire_neurons():
+    """T = log(I / (I - 1)) between spikes, and the orbit through the middle."""
+    currents = np.array([1.5, 2.0, 3.0])
+    neuron = Field(lambda x, I: (I - x[0],), "v", I=currents)
+    spike = Event("v - 1", direction="up", to=[0.0])
+    cycles = periodic_orbit(neuron, [0.2], events=spike, derivatives="I")
+    np.testing.assert_allclose(cycles.period, np.log(currents / (currents - 1)), rtol=1e-10)
+    wanted = 1 / currents - 1 / (currents - 1)
+    np.testing.assert_allclose(cycles.derivatives["I"].period, wanted, rtol=1e-9)
+
+
+FORCED = Field(
+    lambda t, y, mu: (y[1], -y[0] - 0.3 * y[1] - mu * y[0] ** 3 + np.cos(1.3 * t)), "x v", mu=0.1
+)
+LORENZ_BY_RHO = Field(
+    lambda x, mu: (10 * (x[1] - x[0]), x[0] * (mu - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+    3,
+    mu=28.0,
+)
+VARIED = [
+    (VAN_DER_POL[2], [2.0, 0.0], None),
+    (LORENZ_BY_RHO, [-13.8, -19.6, 27], 1.56),
+    (FORCED, [0.0, 0.0], 2 * np.pi / 1.3),
+]
+
+
+@pytest.mark.parametrize(("field", "start", "period"), VARIED)
+@pytest.mark.parametrize("arcs", [(1,), (4,)])
+def test_derivatives_beside_differences(field, start, period, arcs, monkeypatch):
+    """Of the period, and of the state up to its motion along the orbit."""
+    monkeypatch.setattr(shooting, "_ARCS", (1, *arcs))
+    monkeypatch.setattr(shooting, "_GROWTH", 1.0)  # so that more arcs are tried
+    mu = field.parameters["mu"]
+    given = periodic_orbit(field, start, period, derivatives="mu").derivatives["mu"]
+    h = 1e-4 * mu
+    fields = (field.with_parameters(mu=mu + s * h) for s in (1, -1))
+    after, before = (periodic_orbit(each, start, period) for each in fields)
+    difference = (after.period - before.period) / (2 * h)
+    assert given.period == pytest.approx(difference, rel=1e-6, abs=1e-9)
+    if field is FORCED:
+        difference = (after.state - before.state) / (2 * h)
+        np.testing.assert_allclose(given.state, difference, rtol=1e-5)
+    else:
+        orbit = periodic_orbit(field, start, period)
+        along = given.state @ field(orbit.state) / np.linalg.norm(field(orbit.state))
+        assert abs(along) < 1e-9 * np.linalg.norm(given.state)
+
+
+def test_a_member_of_a_family_has_no_derivatives():
+    pendulum = Field.from_hamiltonian(lambda x, g: x[1] ** 2 / 2 - g * np.cos(x[0]), "q p", g=1.0)
+    with pytest.warns(UserWarning, match="no derivatives"):
+        orbit = periodic_orbit(pendulum, [1.0, 0.0], derivatives="g")
+    assert np.isnan(orbit.derivatives["g"].period)
+    with pytest.raises(KeyError, match="was not asked for"):
+        _ = orbit.derivatives["q"]
+    with pytest.raises(ValueError, match="parameters"):
+        periodic_orbit(pendulum, [1.0, 0.0], derivatives="x0")

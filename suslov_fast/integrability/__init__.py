@@ -15,7 +15,8 @@ The files, each of which uses only those before it:
   several; Kahan maps of fields; the exact map of any system, also with letters. `zoo`: examples.
 - `degrees_of_iterates`: degrees and their growth. `pencils`: reducible polynomials of a pencil.
   `contracted_curves`, `entropy`: the entropy of maps of the plane, from the curves that they
-  contract. `levels`: maps on levels of integrals, which may be maps of the plane.
+  contract. `repairs`: letters for which it is lower. `levels`: maps on levels of integrals, which
+  may be maps of the plane.
 - `linear_relations`: linear relations along orbits, and integrals from them. `invariants`:
   integrals and measures from Darboux polynomials. `darboux`: these polynomials and their cofactors.
   `symmetries`: reversing symmetries.
@@ -36,7 +37,7 @@ except ImportError:
 from .birational_maps import RationalMap
 from .darboux import cofactors, darboux_polynomials
 from .degrees_of_iterates import Growth, degrees, growth
-from .entropy import Condition, Contraction, PlanarEntropy, locus, planar_entropy
+from .entropy import Contraction, PlanarEntropy, planar_entropy
 from .exact_maps import kahan, rational_map
 from .hirota_kimura import HKBasis, hk_bases
 from .kahan_maps import KahanMap
@@ -44,6 +45,7 @@ from .levels import Level, on_level
 from .linear_relations import ImplicitIntegral
 from .pencils import pencil
 from .rational_functions import RationalFunction
+from .repairs import Condition, Repair, locus, repairs
 from .report import Report, report
 from .zoo import zoo
 
@@ -59,6 +61,7 @@ __all__ = [
     "PlanarEntropy",
     "RationalFunction",
     "RationalMap",
+    "Repair",
     "Report",
     "cofactors",
     "darboux_polynomials",
@@ -71,6 +74,7 @@ __all__ = [
     "pencil",
     "planar_entropy",
     "rational_map",
+    "repairs",
     "report",
     "zoo",
 ]

@@ -29,6 +29,7 @@ from .polynomials import coefficients_in, cramer, determinant, irreducible_facto
 _PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
 _TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried in this order
 _LINES = 20  # the most random lines on which a point of a curve is sought
+_TERMS_OF_CURVES = 40  # longer equations of conjugate curves with several letters are not followed
 _PRIMES = 80  # the most primes that are tried until two of them agree
 _BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger coefficients
 
@@ -64,6 +65,11 @@ class Plane:
         P = polynomials.renamed(self._affine(number), self.map.names, self.map.letter)
         return "the line at infinity" if P == 1 else polynomials.decoded(f"{P} = 0")
 
+    def is_long(self, number: int) -> bool:
+        """Return True for conjugate curves with several letters whose points are not followed."""
+        several = self.symbolic > 1 and self.degrees[number] > 1
+        return several and len(self.curves[number]) > _TERMS_OF_CURVES
+
     def count(self, number: int) -> int:
         """Return the number of complex curves into which the contracted curve `number` splits."""
         return max(1, count_factors(self._affine(number)))
@@ -82,7 +88,7 @@ class Step(NamedTuple):
 
 
 class PlaneModulo:
-    """A `Plane` modulo a prime, with a number in place of eps; it follows germs step by step."""
+    """A `Plane` modulo a prime, with numbers in place of letters; it follows germs step by step."""
 
     def __init__(self, plane: Plane, p: int, eps: Values, seed: int) -> None:
         self.p, self.rng = p, random.Random(seed)
@@ -94,16 +100,27 @@ class PlaneModulo:
         self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
-        """Return a component of curve `number` modulo p on which germs can begin; None without any.
+        """Return the first of `components`; None without any."""
+        return next(self.components(number), None)
+
+    def components(self, number: int) -> Iterator[Any]:
+        """Yield the components of curve `number` modulo p on which germs can begin.
 
         A curve may split modulo p, into conjugate lines that are contracted to different points.
         """
         P = self.curves[number]
-        if P == 0:
-            return None
-        for factor, _ in sorted(P.factor()[1], key=lambda f: int(f[0].total_degree())):
-            if factor.total_degree() > 0 and self.germ(factor) is not None:
-                return factor
+        if P != 0:
+            for factor, _ in sorted(P.factor()[1], key=lambda f: int(f[0].total_degree())):
+                if factor.total_degree() > 0 and self.germ(factor) is not None:
+                    yield factor
+
+    def length(self, component: Any, most: int) -> int | None:
+        """Return the number of points, up to `most`, of the orbit of a curve; None for more."""
+        x = [P[0] for P in self.germ(component) or ()]
+        for n in range(most + 1):
+            x = [F(*x) for F in self.forms] if x else []
+            if not any(x):
+                return n
         return None
 
     def germ(self, component: Any) -> list[Any] | None:
@@ -197,7 +214,7 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     agreed: dict[int, Passage] = {}
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)
-        residues = PlaneModulo(plane, p, (rng.randrange(2, p),), rng.getrandbits(30))
+        residues = PlaneModulo(plane, p, arithmetic.random_values(rng, p), rng.getrandbits(30))
         for number in numbers:
             if number in agreed or (component := residues.component(number)) is None:
                 continue
@@ -224,6 +241,8 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     """
     if not passage.common_orders:
         return passage.steps is None
+    if plane.is_long(number):
+        return False
     germs = Germs(plane, number)
     if germs.have_multiplicities(passage):
         return True
@@ -330,23 +349,25 @@ class Germs:
                 return None
         return orders, germ
 
-    def conditions(self, steps: int) -> Iterator[tuple[int, Any]]:
-        """Yield (n, P), P in the letters: if P = 0, point n of the orbit has no image.
+    def values_along(self, steps: int, most: int) -> Iterator[list[Any]]:
+        """Yield the values of the forms at points n = 1, ..., `steps` of the orbit of a point.
 
-        Coordinates have no common factor. P is a common factor of all coordinates of the image.
+        Coordinates of these points have no common factor. Values that are all 0, at a point without
+        an image, are the last ones, or those with over `most` terms.
         """
-        is_line = self._modulus == self._r
-        x = [P % self._t for P in self.first] if is_line else self._point
+        x = self._point
         for n in range(steps + 1):
             image = self._values(self._plane.forms, x)
-            if not any(image) or sum(map(len, image)) > 10 * _MONOMIALS:
+            if n:
+                yield image
+            if not any(image) or sum(map(len, image)) > most:
                 return
             x = without_common_factor(image)
-            common = next(P // Q for P, Q in zip(image, x, strict=True) if Q != 0)
-            for factor, _ in irreducible_factors(common) if n else ():
-                if len(factor) > 1 and not any(factor.degrees()[-3:]):
-                    yield n, factor
-            x = x if is_line else without_common_factor(self._simplest(x))
+            x = x if self._modulus == self._r else self._simplest(x)
+
+    def norm(self, P: Any) -> Any:
+        """Return the product of the values of P, polynomials in letters, for all roots r."""
+        return P if self._modulus == self._r else self._modulus.resultant(P, "r")
 
     def have_multiplicities(self, passage: Passage) -> bool:
         """Return True if the orders in `passage` are multiplicities of polynomials at the orbit.

@@ -10,27 +10,27 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, takewhile
-from operator import attrgetter, itemgetter
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import flint
 
-from ..checks import integer, wrong
+from ..checks import wrong
 from ..fields.base import Body
 from ..keywords import public
-from . import arithmetic, polynomials
-from .birational_maps import RationalMap, check_one_letter
-from .contracted_curves import Germs, Passage, Plane, PlaneModulo, is_proved, passages_across
+from . import arithmetic
+from .birational_maps import RationalMap
+from .contracted_curves import Passage, Plane, PlaneModulo, is_proved, passages_across
 from .degrees_of_iterates import agreed_degrees, moduli_outside
 from .exact_maps import checked_map
 from .polynomials import cramer
-from .rational_functions import IDENTITY, RationalFunction, factored, without_constant
+from .rational_functions import IDENTITY, RationalFunction
 
 _STEPS = 80  # the most steps of the orbit of a contracted curve
 _DEGREES = 24  # number of degrees of iterates that are predicted
 _HIGHEST = 1_000  # the largest predicted degree that is compared with the degree on random lines
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
-_TRIES = 3  # number of points, and of values of eps, for each small prime
+_TRIES = 3  # number of points, and of values of letters, for each small prime
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     Parameters
     ----------
     map : KahanMap or RationalMap
-        A birational map of two variables. If eps is symbolic, the entropy holds for general eps.
+        A birational map of two variables. If it has letters, the entropy holds for general letters.
 
     Returns
     -------
@@ -138,7 +138,6 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
     """
     map = checked_map(map)
-    check_one_letter(map)
     if map.dimension != 2:
         raise wrong("map", "one of two variables", f"of {map.dimension}: use degrees(map, 8)")
     if not map.is_planar:
@@ -174,61 +173,6 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     low = takewhile(lambda degree: degree <= _HIGHEST, islice(agreed_degrees(map), _DEGREES))
     why = "" if entropy.proved else entropy.contradiction([*low])
     return PlanarEntropy(reason=why) if why else entropy
-
-
-class Condition(NamedTuple):
-    """If `polynomial`, of letters, is 0, the orbit of a contracted curve ends after `length`."""
-
-    curve: str
-    length: int
-    polynomial: RationalFunction
-
-
-@public
-def locus(map: RationalMap | Body, steps: int = 6, *, letters: Any = None) -> tuple[Condition, ...]:
-    """Find for which values of letters the orbits of contracted curves end.
-
-    For such values a singularity may be confined, and the entropy lower: `planar_entropy` decides.
-    Some values are trivial: the map has a lower degree. Those that need two equations are left out.
-
-    Parameters
-    ----------
-    map : KahanMap or RationalMap
-        A birational map of two variables, with letters.
-    steps : int, optional
-        The most points of an orbit.
-    letters
-        As in :func:`report`.
-
-    Returns
-    -------
-    tuple of Condition
-        Short orbits first.
-
-    Examples
-    --------
-    The entropy is 0 if a = 2 + eps^2:
-
-    >>> from suslov_fast import Field
-    >>> from suslov_fast.integrability import locus
-    >>> field = Field(lambda x, a: (a*x[0]**2 + x[1]**2 + 1, -2*x[0]*x[1]), "x y", a=1)
-    >>> locus(field, 2, letters="a")[-1]
-    Condition(curve='-eps*a*x - eps^2 - eps*x + 1 = 0', length=2, polynomial=-eps^2 + a - 2)
-    """
-    map = checked_map(map, letters)
-    if not map.is_planar or not map.letters:
-        raise wrong("map", "a birational map of two variables with letters", f"{map}")
-    plane, steps, found = Plane(map), integer("steps", steps, 1), list[Condition]()
-    ring = polynomials.polynomial_ring(0, map.letters)
-    for number in range(len(plane.curves)):
-        # Factors that depend on the point of the curve belong to the choice of the point.
-        others = {str(each) for each in Germs(plane, number, 1).conditions(steps)}
-        for n, P in Germs(plane, number).conditions(steps):
-            if str((n, P)) in others:
-                P = ring.from_dict({e[:-3]: c for e, c in P.to_dict().items()})
-                condition = without_constant(factored(P)).renamed(None, map.letter)
-                found.append(Condition(plane.text(number), n, condition))
-    return tuple(sorted(found, key=attrgetter("length")))
 
 
 def proved_by_integral(
@@ -269,10 +213,11 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
     for p in _SMALL_PRIMES:
         rng = random.Random(p)
         for _ in range(_TRIES):
-            eps = rng.randrange(1, p)
-            residues = PlaneModulo(plane, p, (eps,), rng.randrange(99))
+            values = [rng.randrange(1, p) for _ in range(max(1, plane.symbolic))]
+            residues = PlaneModulo(plane, p, (*values,), rng.randrange(99))
             if _is_periodic_modulo(residues, number, passage):
-                at = f" and {plane.map.letter} = {eps}" if plane.symbolic else ""
+                numbers = zip(plane.map.letters, values, strict=False)
+                at = "".join(f" and {name} = {a}" for name, a in numbers)
                 return f"never, since modulo {p}{at} the orbit is periodic"
     return ""
 

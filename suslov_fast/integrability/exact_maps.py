@@ -3,6 +3,7 @@
 Letters are eps and named parameters that stay symbols.
 """
 
+import math
 import operator
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,7 +24,7 @@ from .birational_maps import RationalMap, check_map
 from .composed_maps import composed
 from .interpolation import MOST
 from .kahan_maps import InLetters, KahanMap, exact_body
-from .polynomials import polynomial_ring
+from .polynomials import coprime, polynomial_ring, value_at
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
 
 
@@ -209,6 +210,41 @@ def _coefficients(system: Body, symbols: Mapping[str, Any]) -> tuple[Any, Any]:
     except TypeError as error:
         text = "must enter by + - * / and powers with integers"
         raise TypeError(f"letters: {', '.join(symbols)} {text}: {error}") from None
+
+
+def with_values_of_letters(system: RationalMap, values: Mapping[str, Any]) -> RationalMap:
+    """Return a map with functions of its other letters, in `values`, in place of letters."""
+    kept, zeros = [name for name in system.letters if name not in values], (0,) * system.dimension
+    ring = polynomial_ring(system.dimension, kept)
+    gens = [*map(factored, ring.gens())]
+    symbols = dict(zip(kept, gens, strict=False))
+    for name, f in values.items():
+        terms = ([{(*e, *zeros): c for e, c in P.to_dict().items()}, n] for P, n in f.factors)
+        powers = (factored(ring.from_dict(P)) ** n for P, n in terms)
+        symbols[name] = math.prod(powers, start=RationalFunction((), f.constant))
+    point = [*(symbols[name] for name in system.letters), *gens[len(kept) :]]
+
+    def substituted(P: Any) -> RationalFunction:
+        return as_function(value_at(P, point))
+
+    def function(f: RationalFunction) -> RationalFunction:
+        numerator, denominator = map(substituted, f.as_quotient(system.ring))
+        return numerator / denominator
+
+    given = {name: a for name, a in system.given.items() if name in kept}
+    if isinstance(system, KahanMap) and system.in_letters:
+        _, rates, energy = system.in_letters
+        rates = {place: rate for place, c in rates.items() if (rate := function(c))}
+        energy = energy and {place: function(c) for place, c in energy.items()}
+        return KahanMap(system.field, None, in_letters=InLetters(given, rates, energy))
+
+    def with_values(each: RationalMap) -> RationalMap:
+        *forms, _ = over_common_denominator(map(substituted, each.forms), ring)
+        return RationalMap(coprime(forms), None, kept, each.names, given)
+
+    new, inverse = with_values(system), system.inverse
+    new.inverse = inverse and with_values(inverse)
+    return new
 
 
 def checked_letters(system: Any, letters: Any) -> tuple[str, ...]:

@@ -39,7 +39,6 @@ _TOO_COSTLY = 8_000  # iterates of a higher expected degree are not computed
 _TOO_LONG = 6_000
 _SHORT = 1.0  # the most seconds, as estimated, of a proof that runs before det DPhi is factored
 _HIGHEST = 8  # degree of maps, up to which contracted curves are followed: for 18 it takes minutes
-_MANY_LETTERS = "contracted curves are followed with one letter at most: set others by map.subs"
 # Kinds of tasks in the order in which they run; in one tuple, tasks of lower degree run first.
 _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
@@ -261,10 +260,10 @@ class Search:
         has_letters, degree = len(self.map.letters) > 1, self.map.degree
         if is_proved and (has_letters or self.map.length > 1 or degree > _HIGHEST):
             self.planar = PlanarEntropy(reason="not followed: a proved integral gives the entropy")
-        elif has_letters:
-            self.planar = PlanarEntropy(reason=_MANY_LETTERS)
         elif degree > _HIGHEST:
             self.planar = PlanarEntropy(reason=f"not followed: a map of degree {degree} takes long")
+        elif has_letters and self.map.cost_of_factors > LONGEST:
+            self.planar = PlanarEntropy(reason="not followed: a map with such letters takes long")
         else:
             self.planar = planar_entropy(self.map)
         if text := self.planar.contradiction(self.degrees):

@@ -18,7 +18,6 @@ from suslov_fast.integrability import (
     hk_bases,
     interpolation,
     kahan,
-    planar_entropy,
     rational_map,
     report,
 )
@@ -280,8 +279,6 @@ def test_degrees_are_those_of_general_letters():
     general = degrees(map, 8)
     assert general == degrees(map.subs(a=7, b=3), 8)
     assert general != degrees(map.subs(a=5, b=0), 8)
-    with pytest.raises(ValueError, match="subs"):
-        planar_entropy(map)
 
 
 def test_a_report_with_letters_ends_when_progress_says_so():

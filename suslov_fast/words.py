@@ -215,15 +215,6 @@ OF_CLOSED_FORMS = "flow(body, omega0, time=t), which is exact; n counts steps of
 STEPS = "np.interp(t, np.repeat(knots, 2)[1:], np.repeat(values, 2)[:-1])"
 # Functions that f of a `Field` or `Map` cannot call, and how to write them with those it can.
 OF_ARRAYS = {
-    "sinc": "np.where(x == 0, 1, np.sin(np.pi*x)/(np.pi*x)) for np.sinc(x)",
-    "fmax": "np.maximum",
-    "fmin": "np.minimum",
-    **dict.fromkeys(("rint", "round", "around"), "np.floor(x + 0.5)"),
-    "fmod": "x - y*np.trunc(x/y) for np.fmod(x, y)",
-    "piecewise": "np.where",
-    "isfinite": "np.abs(x) < np.inf",
-    "isnan": "x != x",
-    "nan_to_num": "np.where(x == x, x, 0)",
     **dict.fromkeys(("sort", "median", "argmax"), "np.minimum, np.maximum, np.where"),
     **dict.fromkeys(
         ("searchsorted", "digitize", "astype"), f"{STEPS} for values[k] from knots[k] on"

@@ -74,7 +74,10 @@ class _Path:
 
 
 def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
-    """Return the operands that `call` returns, where it may ask whether symbols are true."""
+    """Return the operands that `call` returns, where it may ask whether symbols are true.
+
+    The first path is taken twice, and must return the same operands.
+    """
     count = 0
 
     def of(taken: dict[int, bool]) -> list[Any]:
@@ -83,6 +86,11 @@ def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
         path = _Path(tracer, taken)
         tracer.decide = path.decide
         rows = call()
+        if not taken:
+            tracer.decide = _Path(tracer, taken).decide
+            if [*map(repr, rows)] != [*map(repr, call())]:  # numbers: equal operations share one
+                how = "f must compute from x and its parameters alone, without random numbers or "
+                raise ValueError(f"two calls of f differ: {how}memory")
         questions = [*path.new]
         for k in reversed(range(len(questions))):
             key = questions[k]

@@ -19,14 +19,14 @@ from .base import Body, frozen
 from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .layout import layout_of, layout_read, split_values
-from .mass import parted, rates
+from .mass import check_both, rates
 from .names import TIME, check_for_map, laid_out, variables
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
 from .terms import Terms, texts_of, without_zeros
-from .trace import Timed, check_callable, check_function, operands_of_function, timed
 from .traced import EQUATIONS, INDICES, LAYOUT, VALUES, Traced, operands_of_texts, parts_of
 from .tracer import Tracer
+from .user_function import UserFunction, check_callable
 
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 
@@ -135,20 +135,18 @@ class Field(Traced):
         check_callable("f", f)  # first: if f is a text, this error helps more than missing `names`
         if mass is not None and "mass" in arguments_of(f):
             parameters, mass = {**parameters, "mass": mass}, None
-        f, mass = timed(f, parameters), timed(mass, parameters)
-        has_time = isinstance(f, Timed) or isinstance(mass, Timed)
+        of_f = UserFunction("f", f, parameters)
+        of_mass = UserFunction("mass", mass, parameters) if callable(mass) else None
+        has_time = of_f.has_time or (of_mass is not None and of_mass.has_time)
         layout, parameters = laid_out(f, names, complex, has_time, parameters)
-        if mass is None:
-            check_function("f", f, layout.names, parameters)
-        elif layout.has_pairs:
+        if mass is not None and layout.has_pairs:
             raise wrong("mass", "left out beside complex variables", error=TypeError)
-        else:
-            f, mass = parted(f, mass, layout.names, parameters)
+        check_both(of_f, of_mass, layout.names, parameters)
         values = named_parameters(split_values(parameters), layout.components)
         tracer = Tracer(layout, [*values], has_products=mass is None)
-        rows = operands_of_function("f", f, tracer)
+        rows = of_f.formulas(tracer)
         if mass is not None:
-            rows[: layout.n] = rates(tracer, mass, rows[: layout.n])
+            rows[: layout.n] = rates(tracer, of_mass or mass, rows[: layout.n])
         check_equalities(tracer.values, layout.components, rows)
         self._take(parts_of(tracer, rows, values))
 
@@ -200,11 +198,12 @@ class Field(Traced):
         Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
         """
         names = variables(names)
-        check_function("H", H, names, parameters)
+        of_H = UserFunction("H", H, parameters)
+        of_H.check(names, parameters)
         values = named_parameters(parameters, names)
         matrix = coefficients.structure_matrix(K, len(names), names)
         tracer = Tracer(layout_of(names), [*values])
-        [energy] = operands_of_function("H", H, tracer)
+        [energy] = of_H.formulas(tracer)
         equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
         return cls._of({**values, LAYOUT: tracer.layout, EQUATIONS: equations})
 

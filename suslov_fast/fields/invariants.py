@@ -12,8 +12,8 @@ from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import in_order, program_of
 from .equations import Equations
-from .trace import operands_of_function, taken, taking, timed
 from .tracer import Tracer
+from .user_function import UserFunction
 
 _SAMPLES, _LEAST = 24, 1e-9  # random states; the largest dI/dt of first integrals, of its terms
 
@@ -36,9 +36,7 @@ def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations
     if functions:
         integrals = []
         for f in functions:
-            f = timed(f)
-            f = taking(f, taken(f, field.parameters))
-            integrals += operands_of_function("constraints", f, tracer)  # any number of values
+            integrals += UserFunction("integrals", f, field.parameters).formulas(tracer)
     elif not integrals:
         raise TypeError("integrals: pass functions of the state: this field has no energy")
     _check(field, values, operands[:D], integrals)

@@ -25,8 +25,8 @@ from .layout import layout_of
 from .mass import Samples, solved
 from .names import TIME, variables
 from .symbols import Symbol, Symbols
-from .trace import check_callable, operands_of_function, taken
 from .tracer import Tracer
+from .user_function import UserFunction
 
 _SAMPLES = 24  # random states at which M is tested
 _LEAST = 1e-13  # least eigenvalue of a positive definite M with 1 on its diagonal
@@ -66,9 +66,8 @@ class _Functions:
 
     def __init__(self, q: Sequence[str], u: Sequence[str], functions: Any, values: Any) -> None:
         self.given = {name: f for name, f in functions.items() if f is not None}
-        for name, f in self.given.items():
-            check_callable(name, f)
-        self.uses = {name: taken(f, [*values, *TIME]) for name, f in self.given.items()}
+        known = [*values, *TIME]
+        self.uses = {name: UserFunction(name, f, known).takes for name, f in self.given.items()}
         for name, f in self.given.items():
             first, others = arguments_of(f)[:2], arguments_of(f)[2:]
             lost = [a for a in others if a not in self.uses[name]]
@@ -99,11 +98,7 @@ class _Functions:
             own = {each: values[each] for each in self.uses[name]}
             return f(x[:n], x[n : n + self.m], **own)
 
-        kind = "H" if name == "L" else "constraints"
-        try:
-            rows = operands_of_function(kind, of_state, self.tracer)
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"{name}: {str(error).removeprefix(f'{kind}: ')}") from None
+        rows = UserFunction(name, of_state, self.tracer.parameters).formulas(self.tracer)
         if count not in (None, len(rows)):
             raise wrong(name, f"{count} components", f"{len(rows)}")
         return _array(self.tracer, rows)

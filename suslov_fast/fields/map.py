@@ -18,9 +18,9 @@ from .exact_numbers import named_parameters
 from .field import Field
 from .layout import split_values
 from .names import TIME, check_for_map, laid_out
-from .trace import check_function, operands_of_function
 from .traced import EQUATIONS, LAYOUT, Traced, parts_of
 from .tracer import Tracer
+from .user_function import UserFunction
 
 
 @public_class
@@ -86,11 +86,12 @@ class Map(Traced):
             call = "Map(lambda s: (*f(s[:-1], s[-1]), s[-1] + 1), names)"
             how = "the number of the step is a variable that grows by 1"
             raise TypeError(f"f: {how}, as in {call}, and no argument t")
-        check_function("f", f, layout.names, parameters)
+        of_f = UserFunction("f", f, parameters)
+        of_f.check(layout.names, parameters)
         values = named_parameters(split_values(parameters), layout.components)
         check_for_map((), [name for name in values if name != "eps"])
         tracer = Tracer(layout, [*values])
-        rows = operands_of_function("f", f, tracer)
+        rows = of_f.formulas(tracer)
         self._take(parts_of(tracer, rows, values))
 
     def _value(self, x: FloatArray) -> FloatArray:

@@ -18,8 +18,8 @@ import numpy as np
 from ..checks import real_array, wrong
 from ..core.expressions.numpy_evaluation import evaluate
 from .symbols import Symbol
-from .trace import check_function, operands_of_function, taken, taking
 from .tracer import Tracer
+from .user_function import UserFunction
 
 _LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is below this
 # A difference counts as 0 if it is below _CANCELLED times its terms' moduli in a fraction _MOST or
@@ -28,22 +28,20 @@ _MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
 MOST = 4  # the most equations that Cramer's rule solves: for n equations it needs 2**n minors
 
 
-def parted(f: Any, mass: Any, names: Any, parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return f and M as functions of the state and all parameters; each uses some of them."""
-    of_mass, used = taken(mass, parameters), taken(f, parameters)
-    of_f = [name for name in parameters if name in used or name not in of_mass]
-    check_function("f", f, names, {name: parameters[name] for name in of_f})
-    if callable(mass):
-        check_function("mass", mass, names, {name: parameters[name] for name in of_mass})
-        mass = taking(mass, of_mass)
-    return taking(f, of_f), mass
+def check_both(f: UserFunction, mass: Any, names: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless f takes the parameters, or those that a function M does not take."""
+    of_mass = [] if mass is None else mass.takes
+    of_f = [name for name in parameters if name in f.takes or name not in of_mass]
+    f.check(names, {name: parameters[name] for name in of_f})
+    if mass is not None:
+        mass.check(names, {name: parameters[name] for name in of_mass})
 
 
 def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     """Return the operands of M^-1 f, for the operands `right` of f."""
     D = len(right)
-    if callable(mass):
-        entries = operands_of_function("mass", mass, tracer)
+    if isinstance(mass, UserFunction):
+        entries = mass.formulas(tracer)
         rows = [entries[k : k + D] for k in range(0, D * D, D)]
     else:
         rows = real_array("mass", mass).tolist()

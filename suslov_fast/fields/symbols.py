@@ -10,10 +10,8 @@ from __future__ import annotations
 import functools
 import math
 import operator
-import os
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,12 +38,20 @@ class Untraceable(TypeError):
         MADE.count += 1  # f may catch the error, and would return a wrong formula
 
 
+class NoNumber(Untraceable):
+    """A symbol was to become a float, as in an array of floats."""
+
+
 def applied(name: str, *values: Any) -> Any:
     """Return the value of a function of numbers; some of them may be symbolic."""
-    tracer = next((each.tracer for each in values if isinstance(each, Symbol)), None)
+    tracer, has_complex = None, False
+    for each in values:
+        if type(each) is not float:
+            has_complex = has_complex or is_complex(each)
+            tracer = each.tracer if isinstance(each, Symbol) else tracer
     if tracer is None:  # numbers, such as some entries of arrays
         return _of_numbers(name, values)
-    if any(map(is_complex, values)):
+    if has_complex:
         return tracer.of_complex(name, values)
     name = "positive" if name == "conjugate" else name
     if name == "where":
@@ -92,9 +98,26 @@ def _of_numbers(name: str, values: Sequence[Any]) -> Any:
 _OF_PYTHON = {
     "add": "add", "subtract": "sub", "multiply": "mul", "divide": "truediv", "negative": "neg"
 }  # fmt: skip
-_SHORTER: dict[str, Callable[[Any], Any]] = {
-    "square": lambda a: applied("power", a, 2.0),
-    "reciprocal": lambda a: applied("divide", 1.0, a),
+
+
+def _rint(a: Any) -> Any:
+    up = np.floor(a + 0.5)
+    return np.where((up - a == 0.5) & (up % 2.0 == 1.0), up - 1.0, up)  # 2.5 becomes 2
+
+
+# Functions that are made of others, and the numbers of their operands.
+_SHORTER: dict[str, tuple[Callable[..., Any], int]] = {
+    "square": (lambda a: applied("power", a, 2.0), 1),
+    "reciprocal": (lambda a: applied("divide", 1.0, a), 1),
+    "fmax": (functools.partial(applied, "maximum"), 2),
+    "fmin": (functools.partial(applied, "minimum"), 2),
+    "fmod": (lambda a, b: a - b * np.trunc(a / b), 2),
+    "rint": (_rint, 1),
+    "copysign": (lambda a, b: np.where(b < 0.0, -abs(a), abs(a)), 2),
+    "isnan": (lambda a: a != a, 1),
+    "isinf": (lambda a: abs(a) == math.inf, 1),
+    "isfinite": (lambda a: abs(a) < math.inf, 1),
+    "erfc": (lambda a: 1.0 - applied("erf", a), 1),
 }
 
 
@@ -102,7 +125,7 @@ _SHORTER: dict[str, Callable[[Any], Any]] = {
 def _function(name: str) -> tuple[Callable[..., Any], int]:
     """Return the function of symbolic numbers with a name of NumPy, and the number of operands."""
     if name in _SHORTER:
-        return _SHORTER[name], 1
+        return _SHORTER[name]
     word = {"invert": "bitwise_not"}.get(name, name)
     if word != "conjugate" and not word.startswith("bitwise"):
         word = OTHER_NAMES.get(word, word)
@@ -121,11 +144,32 @@ def _on_arrays(name: str) -> Any:
     return np.frompyfunc(*_function(name), 1, identity=None)  # so that all axes can be reduced
 
 
-def _has_symbols(value: Any) -> bool:
+def _is_symbolic(value: Any) -> bool:
     """Return True for a symbol, and for an array that may contain symbols."""
     if isinstance(value, np.ndarray):
         return bool(value.dtype == object)
     return isinstance(value, Symbol)
+
+
+def has_symbols(values: Any) -> bool:
+    """Return True if symbols, or arrays that may contain them, are in a list, or in lists in it."""
+    return any(_is_symbolic(a) or (type(a) in (list, tuple) and has_symbols(a)) for a in values)
+
+
+def as_symbols(value: Any) -> Any:
+    """Return a list or tuple with symbols as an array of them; other values as they are.
+
+    Lists of arrays, as for `np.block`, and rows of different lengths stay lists.
+    """
+    if type(value) not in (list, tuple) or not has_symbols(value):
+        return value
+    rows = [as_symbols(a) if type(a) in (list, tuple) else a for a in value]
+    made = [isinstance(a, np.ndarray) and a is not b for a, b in zip(rows, value, strict=True)]
+    if any(made):
+        is_regular = all(made) and len({a.shape for a in rows}) == 1
+        return np.stack(rows) if is_regular else type(value)(rows)
+    has_others = any(isinstance(a, (np.ndarray, list, tuple)) for a in rows)
+    return value if has_others else Symbols.of(rows)
 
 
 def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:
@@ -151,10 +195,10 @@ def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any
 def _product(a: Any, b: Any) -> Any:
     """Return the product of a large matrix of numbers and a vector as one operation, else None."""
     if isinstance(a, Symbols) and not isinstance(b, Symbols):
-        a, b = _as_array(b).T, a  # v @ W
+        a, b = np.asarray(b).T, a  # v @ W
     if not isinstance(b, Symbols) or b.ndim != 1 or isinstance(a, Symbols):
         return None
-    a = _as_array(a)
+    a = np.asarray(a)
     if a.ndim != 2 or a.dtype.kind not in "fiubc" or a.shape[1] != len(b) or not is_large(a):
         return None
     tracer = next((each.tracer for each in b if isinstance(each, Symbol)), None)
@@ -180,7 +224,7 @@ def _bases(name: str, options: dict[str, Any]) -> dict[str, Any]:
         if isinstance(each, np.ndarray) and each.dtype != object:
             how = "make it np.zeros(n, object), or write a = a + b in place of a += b"
             raise Untraceable(f"np.{name} writes symbols into an array of {each.dtype}: {how}")
-    if _has_symbols(options.get("where")):
+    if _is_symbolic(options.get("where")):
         raise Untraceable(f"where of np.{name} depends on x: write np.where(condition, a, b)")
     others = {key: value for key, value in options.items() if key not in ("dtype", "subok")}
     if "out" in others:
@@ -196,65 +240,15 @@ def _base(value: Any) -> Any:
         array = np.empty((), object)
         array[()] = value
         return array
-    return _as_array(value, object) if _is_array(value) else value
+    return np.asarray(value, object) if _is_array(value) else value
 
 
 def _wrapped(value: Any) -> Any:
     """Return an array of objects, or arrays in a list or tuple, as `Symbols`."""
-    if type(value) in (list, tuple) and any(map(_has_symbols, value)):
+    if type(value) in (list, tuple) and any(map(_is_symbolic, value)):
         return type(value)(map(_wrapped, value))
     if isinstance(value, np.ndarray) and value.dtype == object:
         return value.view(Symbols)
-    return value
-
-
-MAKERS = "array", "asarray", "empty", "full", "ones", "zeros"
-_as_array = np.asarray  # NumPy's own: `called_with_symbols` replaces `np.asarray`
-_ONE_CALL = threading.RLock()
-if hasattr(
-    os, "register_at_fork"
-):  # a fork waits, because the child lacks the thread that ends the call
-    _release = _ONE_CALL.release
-    os.register_at_fork(before=_ONE_CALL.acquire, after_in_parent=_release, after_in_child=_release)
-
-
-class _Maker:
-    """A function of NumPy, such as `np.array`, that returns `Symbols` in the thread `caller`."""
-
-    def __init__(self, name: str, make: Any, caller: int) -> None:
-        self.name, self.make, self.caller, self.__module__ = name, make, caller, "numpy"
-
-    def __call__(self, *given: Any, **others: Any) -> Any:
-        array = self.make(*given, **others)
-        return _wrapped(array) if threading.get_ident() == self.caller else array
-
-    def __reduce__(self) -> str:  # other threads may pickle the function meanwhile
-        return self.name
-
-
-def called_with_symbols(
-    f: Any, state: Symbols, within: AbstractContextManager[None], /, **parameters: Any
-) -> Any:
-    """Return the value of f, for which `np.array` and similar functions return `Symbols`.
-
-    The call is in the context `within`. NumPy's own functions would return arrays of objects, which
-    cannot be compared, and cannot be overridden by a class. So they are replaced in NumPy's module
-    during the call; other threads see no change.
-    """
-    caller, before = threading.get_ident(), MADE.count
-
-    with _ONE_CALL:
-        plain = {name: getattr(np, name) for name in MAKERS}
-        try:
-            vars(np).update((k, _Maker(k, make, caller)) for k, make in plain.items())
-            with within:
-                value = f(state, **parameters)
-        finally:
-            vars(np).update(plain)
-    if MADE.count > before:
-        raise Untraceable(
-            "f catches an error of its call with symbols, which `except` hides: leave it out"
-        )
     return value
 
 
@@ -325,6 +319,11 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.isclose: _isclose,
     np.piecewise: _piecewise,
     np.where: _where,
+    np.sinc: lambda x: np.where(x == 0.0, 1.0, np.sin(math.pi * x) / (math.pi * x)),
+    np.round: lambda a, decimals=0: np.rint(a * 10.0**decimals) / 10.0**decimals,
+    np.around: lambda a, decimals=0: np.rint(a * 10.0**decimals) / 10.0**decimals,
+    np.fix: lambda x: np.trunc(x),
+    np.nan_to_num: lambda x, copy=True, nan=0.0: np.where(x == x, x, nan),
     np.clip: _clip,
     np.interp: interpolated,
     np.select: _select,
@@ -449,11 +448,14 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
             raise asked(str(self))
         return bool(self.tracer.decide(self))
 
+    def __format__(self, how: str) -> str:
+        return str(self)  # functions may print what they compute
+
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, so float and math cannot convert it"
         how = "write np.sin for sin of math or SymPy, x for float(x), "
         how += f"np.zeros_like(x) for np.zeros(n), {TABLES}"
-        raise Untraceable(f"{self} {why}: {how}")
+        raise NoNumber(f"{self} {why}: {how}")
 
     __float__ = __complex__ = _converted
 

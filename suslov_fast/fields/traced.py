@@ -24,8 +24,7 @@ from .layout import Layout, layout_read, split_values
 from .names import labels, variables
 from .right_hand_sides import by_code_if_often
 from .symbols import Symbol, Symbols
-from .trace import called_by_name
-from .tracer import Tracer, components
+from .tracer import Tracer, called_by_name, components
 
 # Keys of the parts of a field or map other than its parameters. They contain spaces, because a
 # parameter can have any name that Python accepts.

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..checks import OF_SYMBOLS, short
-from ..core.expressions.function_records import FUNCTIONS, interp
+from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES, interp
 from ..core.expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..core.expressions.programs import Expressions
 from .complex_symbols import Complex, of_complex, parts_of_number
 from .equation_text import brief
 from .layout import Layout, layout_of
-from .symbols import Symbol, Symbols, Untraceable
+from .symbols import Symbol, Symbols, Untraceable, applied, interpolated
 
 _OF_EARLIER = "f keeps symbols of an earlier call: compute all from x"
 _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split()
@@ -34,9 +34,11 @@ class Tracer:
         self.D, count = layout.D, len(self.names)
         self.values = Expressions(count, range(self.D, count))
         self.real_parameters = {name: Symbol(self, i) for i, name in enumerate(parameters, self.D)}
-        of = layout_of(tuple(parameters))
-        values = of.joined([*self.real_parameters.values()], Complex.of)
-        self.parameters = dict(zip(of.names, values, strict=True))
+        self.parameters: dict[str, Any] = {}
+        if parameters:
+            of = layout_of(tuple(parameters))
+            values = of.joined([*self.real_parameters.values()], Complex.of)
+            self.parameters = dict(zip(of.names, values, strict=True))
         self.squares: dict[int, Any] = {}  # {operand of a modulus: operand of its square}
         self.ratios: dict[float, Fraction] = {}  # {nearest float: fraction that is no float}
         self.other = ""  # why symbols of this tracer cannot be used beside those of others
@@ -46,7 +48,8 @@ class Tracer:
     def state(self) -> Symbols:
         """The symbols of the variables; not stored, as garbage collection misses such arrays."""
         parts = [Symbol(self, i) for i in range(self.layout.size)]
-        return Symbols.of(self.layout.joined(parts, Complex.of))
+        has_pairs = self.layout.has_pairs
+        return Symbols.of(self.layout.joined(parts, Complex.of) if has_pairs else parts)
 
     @property
     def time(self) -> Symbol:
@@ -162,6 +165,21 @@ def constant(value: Any) -> float:
         return float(value)
     except OverflowError:
         raise Untraceable(f"{short(value)} is beyond the range of float64") from None
+
+
+def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
+    """Return the value of a function in the text of an equation."""
+    if name == "interp":
+        return interpolated(*arguments)
+    function = OTHER_NAMES.get(name, name)
+    record = FUNCTIONS.get(function)
+    if record is None or record.sign or len(arguments) != record.operands:
+        raise ValueError(f"equations: there is no function {name} of {len(arguments)}")
+    if any(isinstance(a, tuple) for a in arguments):
+        raise ValueError(f"equations: {name} takes numbers")
+    with np.errstate(all="ignore"):
+        value = applied(function, *arguments)
+    return value if isinstance(value, (Symbol, np.ndarray)) else float(value)
 
 
 def components(tracer: Tracer, layout: Layout, values: Any, of_time: Any) -> list[Any]:

@@ -16,12 +16,12 @@ from .. import checks
 from ..checks import either, short, wrong
 from ..core.cached import cached_property
 from ..core.hybrid.event_formulas import EventAction, KeyedProgram, read_by
-from ..fields import trace
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
 from ..fields.layout import Layout
 from ..fields.names import TIME
-from ..fields.tracer import Tracer, components
+from ..fields.tracer import Tracer, called_by_name, components
+from ..fields.user_function import UserFunction
 from ..keywords import public, public_class
 from ..results.result import place_in, read_only
 
@@ -328,16 +328,16 @@ class TracedEvent:
         """Return the results of f, a function or texts, as operands; messages name `argument`."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
-        f = trace.timed(f, self.tracer.parameters)
-        needed, known = checks.arguments_of(f), trace.taken(f, self.tracer.parameters)
+        f = UserFunction(argument, f, self.tracer.parameters)
+        needed, known = checks.arguments_of(f.f), f.takes
         others = [name for name in needed[1:] if name not in known]
         if others and not TIME & {*needed}:
             expected = "a function of the state, and of parameters of the system by name"
             has = either([*self.tracer.parameters] or ["none"])
             received = f"one of {others[0]!r}: the system has {has}"
             raise wrong(argument, expected, received, TypeError)
-        trace.check_function(argument, f, self.layout.names, dict.fromkeys(known, 1.0))
-        return trace.operands_of_function(argument, trace.taking(f, known), self.tracer)
+        f.check(self.layout.names, dict.fromkeys(known, 1.0))
+        return f.formulas(self.tracer)
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
         """Return formulas, given as texts, as operands; messages name `argument`."""
@@ -349,7 +349,7 @@ class TracedEvent:
             raise wrong("to", expected, f"{len(texts)}: {how}")
         each = [*self.event._definitions.items(), *enumerate(texts)]
         try:
-            values = values_of(each, known, trace.called_by_name)
+            values = values_of(each, known, called_by_name)
             found = [values[k] for k in range(len(texts))]
             if argument == "to" and len(found) == layout.n:
                 return components(tracer, layout, found, tracer.time)

@@ -1,5 +1,6 @@
 """Functions as users of SciPy write them: f(t, y), arrays that f fills, `if`, `math`, tables."""
 
+import functools
 import math
 import pickle
 from math import sin
@@ -142,3 +143,104 @@ def test_tables_of_scipy(table):
     field = Field(lambda t, y: np.sum(table(t)) - 0 * y[0], 1)
     expected = [np.sum(table(each)) for each in t]
     np.testing.assert_allclose(field([0.0], t=t)[:, 0], expected, atol=1e-12)
+
+
+class Pump:
+    """An object with methods, as controllers of scripts are."""
+
+    def __init__(self, k):
+        self.k, self.table = k, CubicSpline(X, Y)
+
+    def rate(self, t, h):
+        return max(self.k * (1.0 - h), 0.0) * self.table(t)
+
+    def rates(self, t, y):
+        d = np.zeros(2)
+        d[0] = self.rate(t, y[0])
+        d[1] = math.atan2(y[1], 1.0 + t)
+        return d
+
+
+PUMP = Pump(2.0)
+
+
+def shorter(t, y):
+    import math as m
+
+    rate = functools.partial(PUMP.rate, t)
+    return [rate(y[0]), m.atan2(y[1], 1.0 + t)]
+
+
+class Law:
+    def __call__(self, t, y):
+        return [f(t, y[k]) for k, f in enumerate([PUMP.rate, lambda t, a: math.atan2(a, 1 + t)])]
+
+
+@pytest.mark.parametrize("f", [PUMP.rates, shorter, Law(), functools.partial(Law())])
+def test_names_lead_to_functions_that_take_symbols(f):
+    """Methods, objects that can be called, partial functions, lists, names imported in f."""
+    field, states = Field(f, "h z"), np.random.default_rng(1).normal(size=(20, 3))
+    expected = [PUMP.rates(t, y) for t, *y in states]
+    np.testing.assert_allclose(field(states[:, 1:], t=states[:, 0]), expected, rtol=1e-13)
+
+
+def test_calls_of_f_are_two_and_one_for_each_further_path():
+    for n in range(6):
+        calls = []
+
+        def f(y, calls=calls, n=n):
+            calls.append(1)
+            return [sum((2.0**k if y[k] > 0 else 0.0) for k in range(n)) for _ in y]
+
+        field, signs = Field(f, 6), np.random.default_rng(n).normal(size=(20, 6))
+        assert len(calls) == 2**n + 1
+        calls.clear()
+        assert field(signs).tolist() == [f(row) for row in signs]
+
+
+def test_the_first_error_is_shown():
+    def f(y):
+        d = np.zeros(2)
+        d[0] = y[1]
+        d[1] = unknown_force(y[0])  # noqa: F821
+        return d
+
+    with pytest.raises(NameError, match="unknown_force"):
+        Field(f, 2)
+
+    def g(y):
+        d = np.array([0.0, 0.0])
+        d[0] = y[1]
+        d[1] = [1.0, 2.0][int(y[0])]
+        return d
+
+    with pytest.raises(TypeError, match="cannot convert it"):
+        Field(g, 2)
+
+
+@pytest.mark.parametrize(
+    ("f", "g"),
+    [
+        (np.rint, np.rint),
+        (lambda a: round(a, 1), lambda a: np.round(a, 1)),
+        (np.sinc, np.sinc),
+        (lambda a: math.fmod(a, 0.7), lambda a: np.fmod(a, 0.7)),
+        (lambda a: math.copysign(2.0, a), lambda a: np.copysign(2.0, a)),
+        (lambda a: float(np.fmax(a, 0.3)), lambda a: np.fmax(a, 0.3)),
+        (lambda a: math.dist([a, 1], [0, 3]), lambda a: np.hypot(a, 2)),
+        (math.erfc, lambda a: 1 - np.vectorize(math.erf)(a)),
+    ],
+)
+def test_functions_made_of_others(f, g):
+    a = np.array([-1.5, -0.5, 0.0, 0.25, 0.5, 1.5, 2.5, 1.23456])
+    field = Field(lambda y: [f(y[0])], 1)
+    np.testing.assert_allclose(field(a[:, np.newaxis])[:, 0], g(a), rtol=1e-14, atol=1e-15)
+
+
+def test_lists_of_symbols_are_arrays_in_numpys_functions():
+    def f(z):
+        return np.imag([z[0], 2 * z[1]]) + np.linalg.norm([z[0], z[1]]), zeros(1, complex)[0] + 1j
+
+    z = np.array([1 + 2j, 3 - 4j])
+    expected = [2 + np.sqrt(30), 1j]
+    np.testing.assert_allclose(Field(lambda z: (f(z)[0][0], f(z)[1]), 2, complex=True)(z), expected)

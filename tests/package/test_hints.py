@@ -157,7 +157,6 @@ ROWS = [
     ("QUADRATIC.integrals", r"report\(field\)"),
     # functions of users
     ("Field.from_equations(\"x' = interp(t, [0, 1], [1, 0]); t' = 1\")", r"\(0, 1, 2\)"),
-    ("Field(lambda x: float(x[0]), 'x')", r"x for float\(x\)"),
     ("Field(lambda x: x + np.ones((2, 1)) * x[0], 2)",
      r"shape \(2, 2\).*write B\[:, 0\]"),
     ("Field(lambda x, A: A @ x, 2, A=np.eye(2))",

@@ -1,0 +1,234 @@
+"""A user's function with a role: how it is called with symbols, and what it must return."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Collection, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from ..checks import OF_SYMBOLS, either, short, signature_of, wrong
+from ..words import STEPS, answer
+from .branching import along_all_paths
+from .names import OF_TIME, TIME
+from .namespaces import Names
+from .symbols import MADE, TABLES, NoNumber, Symbols, Untraceable
+from .tracer import Tracer, components
+
+_FAILURES = TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError
+_OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
+_OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
+# Roles of functions that return one number, or any number of them; `mass` returns a matrix, and
+# f and `to` a number for each variable.
+_ONE, _ANY = ("H", "L", "surface"), ("constraints", "forces", "frame", "integrals")
+
+
+class UserFunction:
+    """A function of the user: of the state x, or of (q, v), of the time, and of parameters.
+
+    role        "f", "H", "L", "mass", "surface", "to", "constraints", "forces", "frame" or
+                "integrals": the name of the argument in messages
+    has_time    True if it takes the time, an argument t or time without a default: before or
+                after the state x; anywhere beside (q, v)
+    takes       the names of those `parameters` that it takes
+    sizes       the lengths of the arrays that it takes in place of x: (n, m) of (q, v)
+    """
+
+    def __init__(
+        self, role: str, f: Any, parameters: Collection[str] = (), sizes: Sequence[int] = ()
+    ) -> None:
+        check_callable(role, f)
+        self.role, self.f, self.sizes = role, f, sizes
+        self.signature = signature_of(f)
+        every = [*self.signature.parameters.values()] if self.signature else []
+        ordinary = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+        leading = [a.name for a in every if a.kind in ordinary and a.default is a.empty]
+        states = 2 if sizes else 1
+        among = leading if sizes else leading[: states + 1]
+        times = [k for k, name in enumerate(among) if name in TIME]
+        has_states = len(leading) > states and not {*leading[: states + 1]} & {*parameters}
+        self.has_time = len(times) == 1 and (has_states or bool(sizes))
+        self._place = min(times[0], states) if self.has_time else 0
+        self._others = [a for k, a in enumerate(every) if not self.has_time or k != times[0]]
+        self.takes_all = any(a.kind is a.VAR_KEYWORD for a in every)
+        self.takes = self.taken(parameters)
+
+    def taken(self, parameters: Collection[str]) -> list[str]:
+        """Return those of the parameters that the function takes."""
+        if not parameters:  # for speed
+            return []
+        known = {each.name for each in self._others[2 if self.sizes else 1 :]}
+        return [name for name in parameters if self.takes_all or name in known]
+
+    # ------------------------------------------------------------------------------ checks
+    def check(self, names: Sequence[str], parameters: Mapping[str, Any]) -> None:
+        """Raise TypeError unless the function takes the state and these parameters."""
+        for name, value in parameters.items():
+            if isinstance(value, Mapping):
+                how = f"Field(f, names, **{name}), with f(x, {', '.join(map(str, value))})"
+                raise wrong(name, "a number", f"a dictionary: pass {how}", TypeError)
+        if self.signature is None:
+            return
+        others = self._others[1:]
+        known = [each.name for each in others]
+        needed = [a.name for a in self._others if a.default is a.empty and a.kind not in _STARS]
+        missing = [name for name in needed[1:] if name not in parameters]
+        unknown = [name for name in parameters if name not in known]
+        signature = self.signature
+        if self.has_time:
+            signature = signature.replace(parameters=self._others)
+        if TIME & {each.name for each in self._others}:
+            how = "pass lambda x: ..." if self.role == "H" else OF_TIME
+        elif _fits(signature, parameters):
+            return
+        elif any(each.kind is each.VAR_POSITIONAL for each in others):
+            how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
+        elif unknown:
+            near = get_close_matches(unknown[0], known, 1, 0.6)
+            how = f"it has no parameter {unknown[0]!r}"
+            if near or known:
+                how += f", but {either(near or known)}"
+            elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a letter
+                how += f": use {meant}"
+        elif missing:
+            how = (
+                f"pass values of its parameters, as {', '.join(f'{name}=1.0' for name in missing)}"
+            )
+            if self.role == "f":
+                how += f"; if {missing[0]} is the time, name it t"
+            if len(missing) == len(names) - 1:
+                how += f", or lambda x: {self.role}(*x) if these are the variables"
+        else:
+            how = "pass lambda x: ..."
+        expected = "a function of the state, one array, and of its parameters by name"
+        raise wrong(self.role, expected, f"one of {signature}: {how}", TypeError)
+
+    # ------------------------------------------------------------------------------ formulas
+    def formulas(self, tracer: Tracer) -> list[Any]:
+        """Return the operands of its results in the list of the tracer; of a matrix, by rows.
+
+        It is called twice, and once more for each further path through its `if`s.
+        """
+        before = MADE.count
+        try:
+            rows = self._traced(tracer, Names())
+        except (TypeError, ValueError) as error:
+            if not isinstance(error.__cause__, NoNumber):
+                raise
+            try:  # it may write symbols into an array of its own numbers
+                rows = self._traced(tracer, Names(fills_all=True))
+            except (TypeError, ValueError):
+                raise error from error.__cause__
+        MADE.count = before  # so that a function that makes this field is no suspect
+        return rows
+
+    def _traced(self, tracer: Tracer, names: Names) -> list[Any]:
+        f = names.copy_of(self.f)
+        try:
+            return along_all_paths(tracer, lambda: self._operands(tracer, self._value(f, tracer)))
+        except (TypeError, ValueError) as error:
+            kind = TypeError if isinstance(error, TypeError) else ValueError
+            raise kind(f"{self.role}: {error}") from (error.__cause__ or error)
+
+    def _value(self, f: Any, tracer: Tracer) -> Any:
+        """Return what f returns at symbols; TypeError or ValueError if it does not accept them."""
+        x, n = tracer.state, self.sizes[0] if self.sizes else 0
+        given = [x[:n], x[n : sum(self.sizes)]] if self.sizes else [x]
+        if self.has_time:
+            given.insert(self._place, tracer.time)
+        before = MADE.count
+        try:
+            value = f(
+                *given, **{name: tracer.parameters[name] for name in self.taken(tracer.parameters)}
+            )
+        except _FAILURES as error:
+            kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
+            raise kind(_text_of(error, x)) from error
+        if MADE.count > before:
+            raise Untraceable(
+                "f catches an error of its call with symbols, which `except` hides: leave it out"
+            )
+        return value
+
+    def _operands(self, tracer: Tracer, result: Any) -> list[Any]:
+        parts = self._parts(result, tracer.layout.n)
+        alone = [a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts]
+        if self.role not in ("f", "to"):
+            return [*map(tracer.result, alone)]
+        of_time = 1.0 if self.role == "f" else tracer.time
+        return components(tracer, tracer.layout, alone, of_time)
+
+    def _parts(self, result: Any, D: int) -> Any:
+        """Return the parts of the result: D components, one number, or the entries of M."""
+        if self.role in _ONE:
+            return [result]
+        if self.role in _ANY:
+            return np.ravel(np.array(result, object)).tolist()
+        if self.role != "mass":
+            return _components(result, D)
+        array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)
+        if array.shape != (D, D):
+            received = f"{short(result)} of shape {array.shape}"
+            raise ValueError(f"must return a matrix of the shape ({D}, {D}), not {received}")
+        return array.ravel().tolist()
+
+
+_STARS = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+
+
+def check_callable(argument: str, f: Any) -> None:
+    """Raise TypeError unless f is a function."""
+    if not callable(f):
+        items = f if isinstance(f, list | tuple | dict) else [f]
+        how = _OF_TEXT if any(isinstance(each, str) for each in items) else _OF_SYMPY
+        raise wrong(argument, "a function of x", f"{short(f)}: {how}", TypeError)
+
+
+def _fits(signature: inspect.Signature, parameters: Mapping[str, Any]) -> bool:
+    """Return True if a function takes the state by position, and these parameters by name."""
+    try:
+        bound = signature.bind(None, **parameters)
+    except TypeError:
+        return False
+    return len(bound.args) > 0
+
+
+def _text_of(error: Exception, state: Symbols) -> str:
+    """Return the text of an error of f, with advice unless the text has it."""
+    text = " ".join((str(error) or repr(error)).split())
+    text = text.replace("'Symbols' object", "the state of symbols")
+    text = text.replace("'Symbol' object", "a symbol")
+    if "Cannot cast" in text:  # a part of a message of NumPy
+        text = "a function that is no formula needs numbers"
+    if isinstance(error, (Untraceable, ArithmeticError)) or OF_SYMBOLS in text:
+        return text
+    of_state = ", ".join(str(state[i]) for i in range(min(len(state), 8)))
+    how = f"write formulas by + - * / ** and functions of NumPy, and {TABLES}"
+    if "enough dimensions" in text or "not subscriptable" in text:
+        text = "a number is used as an array"
+        how = "a parameter k is one number in f: pass k1, k2, or leave a matrix out of the "
+        how += "parameters"
+    elif "valid indices" in text:
+        how = f"write {STEPS} for values[k] from knots[k] on"
+    elif "the state of symbols has no" in text:
+        how = f"write x[0] for a component, and {TABLES}"
+    return f"{text}: it is called with {len(state)} symbols, {of_state}: {how}"
+
+
+def _components(result: Any, D: int) -> Any:
+    """Return the result of f, if it has D components."""
+    if hasattr(result, "free_symbols"):
+        raise TypeError(f"must return formulas of x, not expressions of SymPy: {_OF_SYMPY}")
+    is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if D == 1 and not is_sequence:
+        return [result]
+    shape = np.shape(result) if isinstance(result, np.ndarray) else ()
+    if not is_sequence or len(result) != D or shape == (D, 1):
+        received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
+        raise ValueError(f"must return {D} components, not {received}")
+    if len(shape) > 1:
+        how = "for a matrix B of one column write B[:, 0]"
+        raise ValueError(f"must return {D} components, not an array of shape {shape}: {how}")
+    return result

@@ -118,11 +118,10 @@ TABLE = (
   ("orbitdiagram bifurcationdiagram bifurcation hopf fold saddlenode continuation", "",
    "a family, Field(f, names, c=array), and c[points.trajectory] of its crossings; of maps "
    "iterate(Map(f, names, c=array), x0, steps=n)"),
-  ("phaseportrait plotphaseportrait pplane phasespace quiver streamplot", "plot",
-   "flow(field, grid, time=t).plot()"),
-  ("nullclines nullcline isocline isoclines", "",
-   "axes.contour(x, y, field(points)[..., k], [0]) for the nullcline of component k, and "
-   "axes.streamplot for arrows, as docs/howto/stability.md does"),
+  ("phaseportrait plotphaseportrait pplane phasespace quiver streamplot nullclines nullcline "
+   "isocline isoclines vectorfieldplot", "plot_phase",
+   "suslov_fast.plot_phase(field, extent=(left, right, low, high)), which draws arrows, nullclines "
+   "and equilibria; flow(field, grid, time=t).plot() draws orbits"),
   ("plot3d", "", "plot(a, b, c), with the names of three components"),
   ("plot fplot", "plot",
    "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot(); events are "

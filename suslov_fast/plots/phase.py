@@ -1,15 +1,18 @@
-"""The phase plane of a body in three dimensions, and `plot_phase`, which draws it."""
+"""`plot_phase`, and the phase plane of a body in three dimensions."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, kind_of, positive, wrong
+from ..checks import FloatArray, integer, kind_of, left_out, positive, wrong
+from ..fields.field import Field
 from ..keywords import public
 from ..orbits.iterate import iterate
+from .portrait import draw_portrait
 
 # Orbits are drawn where abs(l), see `Plane`, exceeds this part of its value in the middle of the
 # orbit, because l is 0 at steady states.
@@ -80,29 +83,36 @@ class Plane:
 
 @public
 def plot_phase(
-    body: Suslov3D,
+    system: Suslov3D | Field,
     /,
     eps: float | None = None,
-    extent: float = 2.0,
+    extent: ArrayLike = 2.0,
     *,
-    levels: int = 9,
+    levels: int | None = None,
+    nullclines: bool | None = None,
     ax: Any = None,
 ) -> Any:
-    """Draw the phase plane of a body: orbits of the map, and levels of its first integral F.
+    """Draw the phase plane of a body, or of any field of two variables.
 
-    Section 4 of Dragovic and Gajic, arXiv:0807.2966, has four such figures.
+    For a body: orbits of the map, and levels of its first integral F. Section 4 of Dragovic and
+    Gajic, arXiv:0807.2966, has four such figures. For a field: arrows of the vector field, the
+    nullclines, where one component of f is 0, and the equilibria.
 
     Parameters
     ----------
-    body : Suslov3D
-        A single body, with I13 or I23 other than 0, or a rotor.
+    system : Suslov3D or Field
+        A single body, with I13 or I23 other than 0, or a rotor; or a single field with two
+        components.
     eps : float, optional
-        Positive step size for which :meth:`Suslov3D.criticality` is below 1 in the whole figure. By
-        default the criticality is about 0.2 in the corners.
-    extent : float
-        The figure shows angular velocities from -extent to extent.
+        Of a body: positive step size for which :meth:`Suslov3D.criticality` is below 1 in the whole
+        figure. By default the criticality is about 0.2 in the corners.
+    extent : float or array_like(float, shape=(4,))
+        The figure shows both variables from -extent to extent. For a field also (left, right, low,
+        high), the least and the largest value of each variable.
     levels : int
-        Number of levels, at least 1.
+        Of a body: number of levels, at least 1, by default 9.
+    nullclines : bool
+        Of a field: False leaves out the nullclines.
     ax : matplotlib.axes.Axes, optional
         Axes to draw on; by default axes of a new figure, with a legend below them. For panels of a
         figure, ``figure.legend(*ax.get_legend_handles_labels())`` is one legend for all.
@@ -110,31 +120,46 @@ def plot_phase(
     Returns
     -------
     matplotlib.axes.Axes
-        Each level of F has a colour: a thin curve is the level, dots are orbits of the map, and an
-        arrow shows the direction of motion. Attracting steady states are a solid line, and
-        repelling steady states a dashed line.
+        Of a body, each level of F has a colour: a thin curve is the level, dots are orbits of the
+        map, and an arrow shows the direction of motion. Attracting steady states are a solid line,
+        and repelling steady states a dashed line. Of a field, filled dots are stable equilibria,
+        and open dots are others. ``flow(field, x0, time=t).plot(ax=axes)`` adds orbits.
 
     Raises
     ------
     ValueError
-        If every state is steady, or the criticality is 1 or more at a state in the figure.
+        If every state of a body is steady, or the criticality is 1 or more at a state in the
+        figure. If a field has not two components, or reads the time.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, plot_phase
     >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
     >>> ax.figure.savefig("phase.png")  # doctest: +SKIP
+    >>> from suslov_fast import Field
+    >>> neuron = Field(
+    ...     lambda x, I: (x[0] - x[0] ** 3 / 3 - x[1] + I, 0.08 * (x[0] + 0.7 - 0.8 * x[1])),
+    ...     "v w", I=0.5,
+    ... )
+    >>> ax = plot_phase(neuron, extent=(-2.5, 2.5, -1, 2))
     """
+    if isinstance(system, Field):
+        left_out("a field", eps=eps is not None, levels=levels is not None)
+        return draw_portrait(system, extent, nullclines is not False, ax)
+    if not isinstance(system, Suslov3D):
+        how = "iterate(...).plot() or flow(...).plot() draws orbits"
+        raise wrong("system", "a Suslov3D or a Field", f"{kind_of(system)}: {how}", TypeError)
+    left_out("a body", nullclines=nullclines is not None)
+    return _draw_body(system, eps, positive("extent", extent), 9 if levels is None else levels, ax)
+
+
+def _draw_body(body: Suslov3D, eps: float | None, extent: float, levels: int, ax: Any) -> Any:
+    """Draw the phase plane of a body, and return the axes."""
     from ..results.figures import COLOURS, axes_for
 
-    extent = positive("extent", extent)
-    if not isinstance(body, Suslov3D):
-        how = "iterate(...).plot() or flow(...).plot() draws orbits; axes.contour of field(points) "
-        how += "draws nullclines, as docs/howto/stability.md does"
-        raise wrong("body", "a Suslov3D", f"{kind_of(body)}: {how}", TypeError)
     I1, I2, I13, I23, k = body._constants
     if body.shape or not (I13 or I23 or k):
-        raise wrong("body", "a single one, with I13 or I23 other than 0", body)
+        raise wrong("system", "a single one, with I13 or I23 other than 0", body)
     if eps is None:
         unit = Plane(body, 1.0)
         eps = float(f"{0.2 / (unit.e * unit.radius([extent, extent]) * abs(unit.g)):.0e}")

@@ -21,7 +21,7 @@ except ImportError:
     extra("matplotlib", "plots")  # raises an error that says how to install it
     raise
 
-__all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
+__all__ = ["COLOURS", "axes_for", "plot_run", "plt", "symbol"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
 _MANY = 100_000  # more states are not joined by default; more numbers in them: pixels in PDF files
@@ -61,7 +61,7 @@ def plot_run(
         before = [*components[: components.index(lists[0])]]
         for k, name in enumerate(lists[0]):  # each name has a colour
             shade = f"C{k % 10}" if color is None else color
-            text = label or _symbol(str(name))
+            text = label or symbol(str(name))
             ax = plot_run(run, (*before, name), lines, shade, ax, text, given)
         ax.set_ylabel("")
         return ax
@@ -106,7 +106,7 @@ def plot_run(
         if 0.0 < np.max(extents) <= _EQUAL * np.min(extents):
             limits = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
             axes.set_box_aspect(np.ptp(limits, axis=1), zoom=_ZOOM)
-    labels = ["$t$" if k == _TIME else _symbol(str(run.body._layout.parts[k])) for k in chosen]
+    labels = ["$t$" if k == _TIME else symbol(str(run.body._layout.parts[k])) for k in chosen]
     axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
     if axes.get_legend_handles_labels()[1]:
         # The best place takes seconds to find among many points.
@@ -143,7 +143,7 @@ def _colours(run: Any, color: Any) -> tuple[Any, str, Any]:
         return None, "", None
     if isinstance(color, str) and color in parameters:
         values = np.broadcast_to(np.asarray(parameters[color], float), shape)
-        return values.ravel(), r"$\epsilon$" if color == "eps" else _symbol(color), None
+        return values.ravel(), r"$\epsilon$" if color == "eps" else symbol(color), None
     if is_color_like(color):
         return None, "", color
     if isinstance(color, str):
@@ -171,6 +171,6 @@ def _are_near(states: FloatArray, chosen: list[int]) -> bool:
     return _TIME in chosen or bool(lengths.size and 20.0 * np.nanmedian(lengths) < np.max(extent))
 
 
-def _symbol(label: str) -> str:
+def symbol(label: str) -> str:
     r"""Return `$\Omega_{1}$` for "Omega1"; other labels than a letter with an index stay text."""
     return f"${formula}$" if (formula := latex(str(label))) else str(label).replace("$", r"\$")

@@ -92,7 +92,7 @@ ARROWS = {
     "orbits": "core checks keywords calls maps bodies kahan results",
     "motions": "core checks keywords calls errors status fields maps bodies results",
     "ensembles": "checks keywords calls status fields orbits results motions",
-    "plots": "checks keywords status bodies results orbits motions",
+    "plots": "checks keywords status fields bodies results orbits motions",
     "integrability": "core checks keywords fields bodies",
     "compiled": "core checks keywords fields maps motions",
     "command": "words fields bodies results orbits motions plots integrability",

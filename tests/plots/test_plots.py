@@ -70,6 +70,40 @@ def test_axes_are_taken_and_returned():
     assert run.plot().figure in map(plt.figure, plt.get_fignums())  # notebooks show it
 
 
+DUFFING = sf.Field(lambda x: (x[1], x[0] - x[0] ** 3 - 0.2 * x[1]), "q p")
+LASER = sf.Field(lambda z: (1.0 + 0.5j) * z - z * abs(z) ** 2, "z", complex=True)
+UNREAD = sf.Field(lambda t, y: (y[1], y[0] - y[0] ** 3 - 0.2 * y[1]), "q p")
+
+
+@pytest.mark.parametrize("field", [DUFFING, LASER, UNREAD])
+def test_portraits(field):
+    """Nullclines lie where a component of f is 0; filled dots attract, others do not."""
+    axes = sf.plot_phase(field, extent=(-2, 1.5, -1, 1))
+    assert (axes.get_xlim(), axes.get_ylim()) == ((-2, 1.5), (-1, 1))
+    contours = [each for each in axes.collections if hasattr(each, "levels")]
+    assert len(contours) == 2
+    layout = field._layout
+    for k, each in enumerate(contours):
+        points = np.vstack([path.vertices for path in each.get_paths()])
+        f = field(points[:, :1] + 1j * points[:, 1:] if field is LASER else points)
+        assert len(points) > 100
+        assert abs(layout.of_parts(f)[:, k]).max() < 2e-3
+    dots = {
+        line.get_markerfacecolor(): np.sort(line.get_xdata())
+        for line in axes.get_lines()
+        if line.get_marker() == "o"
+    }
+    wanted = {"w": [0.0]} if field is LASER else {"k": [-1.0, 1.0], "w": [0.0]}
+    assert dots.keys() == wanted.keys()
+    for colour, places in wanted.items():
+        np.testing.assert_allclose(dots[colour], places, atol=1e-9)
+    assert not [
+        each
+        for each in sf.plot_phase(field, nullclines=False).collections
+        if hasattr(each, "levels")
+    ]
+
+
 # ------------------------------------------------------------------ time, space, colours
 def saddle_run():
     field = sf.Field.from_hamiltonian(

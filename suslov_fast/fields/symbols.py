@@ -131,7 +131,7 @@ def _function(name: str) -> tuple[Callable[..., Any], int]:
         word = OTHER_NAMES.get(word, word)
     record = FUNCTIONS.get(OTHER_NAMES.get(word, word))
     if record is None:
-        known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign]
+        known = [each for each in FUNCTIONS if not FUNCTIONS[each].sign and each != "quotient"]
         how = OF_ARRAYS.get(name)
         how = f"write {how}" if how else f"f may call {', '.join(known)}"
         raise Untraceable(f"calls {name}, which has no rule: {how}")
@@ -367,9 +367,35 @@ def _of_function(self: Any, func: Any, types: Any, args: Any, kwargs: Any) -> An
         return _FUNCTIONS[func](*args, **kwargs)
     if func.__name__ in OF_ARRAYS or not hasattr(func, "_implementation"):
         _function(func.__name__)
+    if func.__name__ not in _OF_COMPLEX and any(map(_has_complex, [*args, *kwargs.values()])):
+        raise Untraceable(
+            f"np.{func.__name__} has no rule for complex numbers: pass z.real, z.imag"
+        )
     # NumPy's code of the function, without its dispatch. If a later NumPy has no such attribute,
     # the line above raises the error of a function without a rule.
     return _wrapped(func._implementation(*args, **kwargs))
+
+
+# Functions of NumPy that have the same values for complex symbols as for complex numbers. Others
+# may ask for the type of an array, which is "object" here, or compare numbers.
+_OF_COMPLEX = frozenset(
+    "append array_split atleast_1d atleast_2d atleast_3d average block broadcast_arrays "
+    "broadcast_to choose column_stack concat concatenate convolve copy correlate cross cumprod "
+    "cumsum cumulative_prod cumulative_sum delete diag diagflat diagonal diff dot dstack "
+    "ediff1d einsum empty_like expand_dims fftshift flip fliplr flipud full_like hsplit hstack "
+    "ifftshift imag inner insert isreal ix_ kron linspace logspace matmul matrix_norm "
+    "matrix_transpose mean meshgrid moveaxis multi_dot ndim ones_like outer pad permute_dims "
+    "polyadd polyder polyint polymul polysub polyval prod ravel real repeat reshape resize roll "
+    "rollaxis rot90 shape size split squeeze stack std sum swapaxes take tensordot tile trace "
+    "transpose trapezoid trapz tril triu unstack vander var vdot vecdot vector_norm vsplit "
+    "vstack zeros_like".split()
+)
+
+
+def _has_complex(value: Any) -> bool:
+    if isinstance(value, (list, tuple)):
+        return any(map(_has_complex, value))
+    return _are_complex(value) if isinstance(value, np.ndarray) else is_complex(value)
 
 
 class Symbols(np.ndarray[Any, Any]):

@@ -13,7 +13,7 @@ from ..core.cached import cached_property
 from ..keywords import Answering, lacking, public
 from .exact_numbers import from_lists, to_lists
 from .latex import equations, symbol
-from .layout import Layout, layout_of
+from .layout import Layout, layout_of, parts_of_name
 from .members import Members
 
 
@@ -23,6 +23,12 @@ class Parameters(dict[str, Any]):
     def __setitem__(self, name: str, value: Any) -> None:
         how = f"make it again with {name}={checks.short(value)}"
         raise TypeError(f"parameters of a body or field cannot be changed: {how}")
+
+    def __missing__(self, name: str) -> Any:
+        real, imag = parts_of_name(name)
+        if real not in self:
+            raise KeyError(name)
+        return self[real] + 1j * self[imag]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (dict(self),)

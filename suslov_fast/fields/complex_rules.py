@@ -73,7 +73,9 @@ def _log(x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def _log1p(x: Any, y: Any) -> tuple[Any, Any]:
-    return 0.5 * np.log1p(x * (2.0 + x) + y * y), np.arctan2(y, 1.0 + x)
+    """Return log(1 + z); its real part is log1p(h - 1), h = abs(1 + z)."""
+    size = np.hypot(1.0 + x, y) + 1.0
+    return np.log1p(x * ((2.0 + x) / size) + y * (y / size)), np.arctan2(y, 1.0 + x)
 
 
 def _exp(x: Any, y: Any) -> tuple[Any, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .complex_rules import RULES, TO_REAL
-from .symbols import Symbol, Untraceable, applied, is_complex
+from .symbols import NotReal, Symbol, Untraceable, applied, is_complex
 
 
 class Complex(Symbol):
@@ -25,7 +25,7 @@ class Complex(Symbol):
     @property
     def operand(self) -> Any:
         how = "take z.real, z.imag or abs(z), or name the variable: Field(f, names, complex=...)"
-        raise Untraceable(f"{self} is complex, where a real number is wanted: {how}")
+        raise NotReal(f"{self} is complex, where a real number is wanted: {how}")
 
     def conjugate(self) -> Any:
         return applied("conjugate", self)

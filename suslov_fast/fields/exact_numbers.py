@@ -24,7 +24,7 @@ def exact(name: str, value: Any) -> Fraction:
     """Return a number of Python, NumPy or SymPy as a fraction, a float as its exact value."""
     is_ratio = isinstance(value, Rational)
     if isinstance(value, complex):
-        how = "split complex variables into real and imaginary parts"
+        how = "a parameter is complex if its first value is, as in Field(f, names, c=1j)"
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if getattr(value, "is_number", False) and not is_ratio:  # a number of SymPy, such as sqrt(2)
         with suppress(TypeError):  # complex numbers raise it

@@ -23,6 +23,7 @@ from .mass import check_both, rates
 from .names import TIME, check_for_map, laid_out, variables
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
+from .symbols import NotReal
 from .terms import Terms, texts_of, without_zeros
 from .traced import EQUATIONS, INDICES, LAYOUT, VALUES, Traced, operands_of_texts, parts_of
 from .tracer import Tracer
@@ -139,14 +140,12 @@ class Field(Traced):
         of_mass = UserFunction("mass", mass, parameters) if callable(mass) else None
         has_time = of_f.has_time or (of_mass is not None and of_mass.has_time)
         layout, parameters = laid_out(f, names, complex, has_time, parameters)
-        if mass is not None and layout.has_pairs:
-            raise wrong("mass", "left out beside complex variables", error=TypeError)
         check_both(of_f, of_mass, layout.names, parameters)
         values = named_parameters(split_values(parameters), layout.components)
         tracer = Tracer(layout, [*values], has_products=mass is None)
         rows = of_f.formulas(tracer)
         if mass is not None:
-            rows[: layout.n] = rates(tracer, of_mass or mass, rows[: layout.n])
+            rows[: layout.size] = rates(tracer, of_mass or mass, rows[: layout.size])
         check_equalities(tracer.values, layout.components, rows)
         self._take(parts_of(tracer, rows, values))
 
@@ -736,5 +735,9 @@ def system_of(system: Any, x0: Any) -> Any:
         raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
     try:
         return Field(system, D, complex=is_complex)
+    except TypeError as error:
+        if not isinstance(error.__cause__, NotReal):
+            raise
+        return Field(system, D, complex=True)
     except ValueError as error:
         raise ValueError(f"{error}, and x0 has {D} components") from None

@@ -144,17 +144,40 @@ class Layout:
             found += parts(value) if is_pair else (value,)
         return found
 
+    def blocks(self, entries: Sequence[Any], parts: Callable[[Any], tuple[Any, Any]]) -> list[Any]:
+        """Return a matrix for all parts, by rows, for the n x n entries of one for variables.
+
+        A complex entry a + i b is [[a, -b], [b, a]]; the row of a real variable is real.
+        """
+        rows: list[Any] = []
+        for j, is_row_pair in enumerate(self._is_pair):
+            real, imag = [], []
+            for k, is_pair in enumerate(self._is_pair):
+                a, b = parts(entries[j * self.n + k])
+                if not is_row_pair and (_is_not_0(b) or (is_pair and _is_not_0(a))):
+                    how = f"real in the row of {self.names[j]}, without complex variables"
+                    raise wrong("mass", how, short(entries[j * self.n + k]))
+                real += [a, -b] if is_pair else [a]
+                imag += [b, a] if is_pair else [b]
+            rows += real + imag * is_row_pair
+        return rows
+
     def drawn(self, names: Sequence[Any]) -> tuple[Any, ...]:
         """Return names of components to draw, with the parts of complex variables."""
         if not self.has_pairs:
             return tuple(names)
         pairs = {z: (z + _RE, z + _IM) for z in self.names if z not in self.parts}
         lists = [a for name in names if isinstance(name, (list, tuple)) for a in name]
-        if len(names) == 1 and names[0] in pairs:
-            return pairs[names[0]]  # the complex plane
+        if names and isinstance(names[0], str) and names[0] in pairs and not lists:
+            others = [part for a in names[1:] for part in pairs.get(a, (a,))]
+            return *pairs[names[0]], *others  # the complex plane, and a third axis
         if not lists and not {*names} & {*pairs}:
             return tuple(names)
         return names[0], [part for a in lists or names[1:] for part in pairs.get(a, (a,))]
+
+
+def _is_not_0(a: Any) -> bool:
+    return not isinstance(a, (int, float)) or a != 0
 
 
 @lru_cache(256)
@@ -185,11 +208,16 @@ def split_values(values: Mapping[str, Any], known: Sequence[str] = ()) -> dict[s
     parts: dict[str, Any] = {}
     for name, value in values.items():
         array = np.asarray(value)
-        if name + _RE in known or array.dtype.kind == "c":
+        if name + _RE in known or (array.dtype.kind == "c" and name not in known):
             parts |= {name + _RE: array.real[()], name + _IM: array.imag[()]}
         else:
             parts[name] = value
     return parts
+
+
+def parts_of_name(name: str) -> tuple[str, str]:
+    """Return the names of the parts of a complex variable or parameter."""
+    return name + _RE, name + _IM
 
 
 def without_suffix(name: str) -> str:

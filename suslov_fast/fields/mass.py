@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import real_array, wrong
+from ..checks import real_array, short, wrong
 from ..core.expressions.numpy_evaluation import evaluate
+from .complex_symbols import parts_of_number
 from .symbols import Symbol
 from .tracer import Tracer
 from .user_function import UserFunction
@@ -39,14 +40,15 @@ def check_both(f: UserFunction, mass: Any, names: Any, parameters: Mapping[str, 
 
 def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     """Return the operands of M^-1 f, for the operands `right` of f."""
-    D = len(right)
+    D, layout = len(right), tracer.layout
     if isinstance(mass, UserFunction):
         entries = mass.formulas(tracer)
-        rows = [entries[k : k + D] for k in range(0, D * D, D)]
     else:
-        rows = real_array("mass", mass).tolist()
-        if np.shape(rows) != (D, D):
-            raise wrong("mass", f"have the shape ({D}, {D})", np.shape(rows))
+        matrix = np.asarray(mass) if layout.has_pairs else real_array("mass", mass)
+        if matrix.shape != (layout.n, layout.n) or matrix.dtype.kind not in "iufc":
+            raise wrong("mass", f"have the shape ({layout.n}, {layout.n})", short(mass))
+        entries = layout.blocks(matrix.ravel().tolist(), parts_of_number)
+    rows = [entries[k : k + D] for k in range(0, D * D, D)]
     b = [_as_symbol(tracer, a) for a in right]
     if all(isinstance(a, float) for row in rows for a in row):
         x = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]

@@ -8,6 +8,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from ..keywords import public
+from .layout import parts_of_name
 
 _FAMILY = "for a family pass an array as a parameter"
 
@@ -81,11 +82,14 @@ class Members:
         array([3., 4.])
         """
         for name, value in values.items():
-            column = self._column(name)
+            pair = parts_of_name(name)
+            is_complex = pair[0] in self._scalars
+            column, *imag = map(self._column, pair if is_complex else [name])
+            column = column + 1j * imag[0] if imag else column
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
             choices = column.ravel()
-            wanted = checks.real_number(name, value)
-            if not isinstance(wanted, float):
+            wanted = value if is_complex else checks.real_number(name, value)
+            if np.ndim(wanted):
                 raise wrong(name, "a number", checks.short(value))
             places = np.flatnonzero(choices == wanted)
             if not places.size:

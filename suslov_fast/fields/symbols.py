@@ -42,6 +42,10 @@ class NoNumber(Untraceable):
     """A symbol was to become a float, as in an array of floats."""
 
 
+class NotReal(Untraceable):
+    """A complex number stands where a real one is wanted."""
+
+
 def applied(name: str, *values: Any) -> Any:
     """Return the value of a function of numbers; some of them may be symbolic."""
     tracer, has_complex = None, False

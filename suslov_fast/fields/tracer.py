@@ -17,7 +17,7 @@ from ..core.expressions.programs import Expressions
 from .complex_symbols import Complex, of_complex, parts_of_number
 from .equation_text import brief
 from .layout import Layout, layout_of
-from .symbols import Symbol, Symbols, Untraceable, applied, interpolated
+from .symbols import NotReal, Symbol, Symbols, Untraceable, applied, interpolated
 
 _OF_EARLIER = "f keeps symbols of an earlier call: compute all from x"
 _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split()
@@ -155,7 +155,7 @@ def constant(value: Any) -> float:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if isinstance(value, (complex, np.complexfloating)):
-        raise Untraceable(f"{value} is complex, where a real number is wanted")
+        raise NotReal(f"{value} is complex, where a real number is wanted")
     if hasattr(value, "free_symbols") and value.free_symbols:
         raise Untraceable(f"{short(value)} is an expression of SymPy: {OF_SYMBOLS}")
     is_number = isinstance(value, np.number) or hasattr(value, "as_integer_ratio")

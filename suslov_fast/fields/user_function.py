@@ -12,6 +12,7 @@ import numpy as np
 from ..checks import OF_SYMBOLS, either, short, signature_of, wrong
 from ..words import STEPS, answer
 from .branching import along_all_paths
+from .complex_symbols import parts_of_number
 from .names import OF_TIME, TIME
 from .namespaces import Names
 from .symbols import MADE, TABLES, NoNumber, Symbols, Untraceable
@@ -155,6 +156,8 @@ class UserFunction:
     def _operands(self, tracer: Tracer, result: Any) -> list[Any]:
         parts = self._parts(result, tracer.layout.n)
         alone = [a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts]
+        if self.role == "mass":
+            alone = tracer.layout.blocks(alone, parts_of_number)
         if self.role not in ("f", "to"):
             return [*map(tracer.result, alone)]
         of_time = 1.0 if self.role == "f" else tracer.time

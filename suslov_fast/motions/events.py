@@ -18,6 +18,7 @@ from ..core.expressions.numpy_evaluation import evaluate
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..fields.html import html_table
+from ..fields.layout import parts_of_name
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
@@ -33,6 +34,9 @@ class Derivatives(dict[str, Any]):
     """Derivatives by name, "x0" or a parameter; the error for another name tells how to ask."""
 
     def __missing__(self, name: str) -> Any:
+        real, imag = parts_of_name(name)
+        if real in self:
+            return _side_by_side(self[real], self[imag])
         raise KeyError(f"{name!r} was not asked for: pass derivatives=({name!r},)")
 
     @classmethod
@@ -40,6 +44,13 @@ class Derivatives(dict[str, Any]):
         """Return part(i) by name, where i selects columns: slice(D) for "x0", else one number."""
         others = itertools.count(D if "x0" in names else 0)
         return cls((name, part(slice(D) if name == "x0" else next(others))) for name in names)
+
+
+def _side_by_side(real: Any, imag: Any) -> Any:
+    """Return derivatives with respect to both parts of a complex parameter, on a last axis."""
+    if isinstance(real, tuple):
+        return type(real)(*map(_side_by_side, real, imag))
+    return np.stack([real, imag], axis=-1)
 
 
 class EventDerivatives(NamedTuple):

@@ -15,7 +15,7 @@ from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_TRIES
 from ..fields.constraints import constraints_of
-from ..fields.layout import Layout
+from ..fields.layout import Layout, parts_of_name
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
@@ -125,6 +125,8 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
     known = "x0", *system._field._coordinates
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         raise wrong("derivatives", f"names, such as {known}", short(derivatives), TypeError)
+    pairs = [(name, parts_of_name(name)) for name in names]
+    names = [each for name, pair in pairs for each in (pair if pair[0] in known else [name])]
     if unknown := [name for name in names if name not in known]:
         raise wrong("derivatives", f"names of {known}", repr(unknown[0]))
     if "x0" in names and "x0" in known[1:]:

@@ -1,5 +1,6 @@
 """Complex variables: NumPy's values of all functions, and motions and maps with exact solutions."""
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -9,7 +10,8 @@ rng = np.random.default_rng(0)
 Z = rng.normal(size=200) + 1j * rng.normal(size=200)
 A = np.array([[1, 2j, 0], [0, 1, 1], [1j, 0, 2.0]])
 OF_ONE = {
-    "exp log sqrt sin cos tan sinh cosh tanh conj square reciprocal angle abs real imag": None,
+    "exp log sqrt sin cos tan sinh cosh tanh conj square reciprocal angle abs real imag "
+    "arcsin arccos arctan arcsinh arccosh arctanh expm1 exp2 log2 log10": None,
     "**2": lambda z: z**2,
     "**-3": lambda z: z**-3,
     "**0": lambda z: z**0,
@@ -113,12 +115,67 @@ def test_maps_and_the_map_of_kahan():
     assert orbit["z"][-1] == pytest.approx(z, rel=1e-12)
 
 
+def test_quotients_and_functions_of_any_size():
+    field = Field(lambda s: (1 / s[0], np.tanh(s[0]), np.log1p(s[0])), 3, complex=True)
+    z = np.array([1e200 - 1e200j, 1e-200 + 2e-200j, 1e300j, 400 + 1j, -400 + 0.3j, 1e-9 + 1e-9j])
+    found = field(np.stack([z] * 3, axis=-1))
+    with mpmath.workdps(40):
+        exact = [[1 / mpmath.mpc(a), mpmath.tanh(a), mpmath.log1p(a)] for a in z]
+        np.testing.assert_allclose(found, np.array(exact, complex), rtol=1e-14)
+    slope = -1 / (1e-100 + 2e-100j) ** 2  # NumPy's square is 5e-200
+    found = field.jacobian([1e-100 + 2e-100j, 0.1, 0.1])[:2, :2]
+    expected = [[slope.real, -slope.imag], [slope.imag, slope.real]]
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_rates_make_a_function_complex():
+    """x0 = 1.0 of z' = i z is the complex number 1."""
+    motion = flow(lambda z: (1j * z[0], -z[1]), [1.0, 2.0], time=1.0)
+    np.testing.assert_allclose(motion.final, [np.exp(1j), 2 * np.exp(-1)], rtol=1e-8)
+    with pytest.raises(TypeError, match="complex="):
+        Field(lambda z: (1j * z[0],), "z")
+
+
+def test_complex_parameters_have_one_name():
+    c = np.array([1j, 2j, -1 + 1j])
+    family = Field(lambda z, c: (c * z[0],), "z", complex=True, c=c)
+    assert family.parameters["c"].tolist() == c.tolist()
+    assert family.sel(c=2j) == family[1]
+    run = flow(family, [1 + 0j], time=[0, 0.5], derivatives="c x0")
+    by_c = run.derivatives["c"][-1]  # d exp(c t) = t exp(c t) dc
+    slopes = 0.5 * np.exp(0.5 * c)
+    np.testing.assert_allclose(by_c[:, 0], np.stack([slopes.real, -slopes.imag], -1), rtol=1e-8)
+    np.testing.assert_allclose(by_c[:, 1], np.stack([slopes.imag, slopes.real], -1), rtol=1e-8)
+    event = Event(lambda z: abs(z[0]) - 0.5)
+    events = flow(family[2], [1 + 0j], time=1.0, events=event, derivatives="c").events
+    np.testing.assert_allclose(events.derivatives["c"].time, [[np.log(2), 0]], atol=1e-8)
+
+
+def test_masses_are_complex_matrices():
+    A = np.array([[1j, 0.2], [0.1, -1 + 0.5j]])
+    z = Z[:10].reshape(5, 2)
+    M = np.array([[2, 1j], [-0.5j, 3 + 1j]])
+    field = Field(lambda z: A @ z, "z w", complex=True, mass=M)
+    np.testing.assert_allclose(field(z), np.linalg.solve(M, (z @ A.T).T).T, rtol=1e-13)
+
+    def of(z):
+        return [[2 + z[0], 1j * z[1]], [-0.5j, 3 + 1j]]
+
+    field = Field(lambda z: A @ z, "z w", complex=True, mass=of)
+    expected = [np.linalg.solve(np.array(of(each)), A @ each) for each in z]
+    np.testing.assert_allclose(field(z), expected, rtol=1e-12)
+    mixed = Field(lambda z: [1j * z[0], -z[1]], "z r", complex="z", mass=[[1j, 2], [0, 2]])
+    np.testing.assert_allclose(mixed([1 + 1j, 2]), [1 - 1j, -1], rtol=1e-14)
+    with pytest.raises(ValueError, match="row of r"):
+        Field(lambda z: [1j * z[0], -z[1]], "z r", complex="z", mass=[[1, 0], [1j, 1]])
+
+
 def test_what_is_refused():
     for f, names, said in [
         (lambda z: (1j * z[0],), {}, "complex="),
         (lambda z: (np.where(z[0] > 1, 1, 0),), {"complex": True}, "greater of a complex"),
         (lambda z: (z[0],), {"complex": "w"}, "names of variables"),
-        (lambda z: (z[0],), {"complex": True, "mass": [[1]]}, "mass"),
+        (lambda z: (z[0],), {"complex": True, "mass": [[1, 2]]}, "mass"),
     ]:
         with pytest.raises((TypeError, ValueError), match=said):
             Field(f, "z", **names)

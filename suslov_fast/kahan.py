@@ -15,6 +15,7 @@ from .checks import FloatArray, Reals, first_index, spell
 from .fields.terms import Terms, slopes_at, sums_at, with_one
 from .keywords import public
 from .maps.evaluation import evaluate
+from .maps.formulas import eigenvalues_in_order
 from .maps.map_records import Method, map_of
 from .maps.problem import Problem, check
 
@@ -242,8 +243,7 @@ def multipliers(
         Y = np.asarray(checked.eps)[..., np.newaxis] * checked.map.eigenvalues(checked, slopes)
         values = checked.map.stages.multiply(0.5 * Y)
         values = np.where(np.broadcast_to(known, (*checked.batch, 1)), values, np.nan)
-        order = np.lexsort((-values.imag, -abs(values)), axis=-1)
-    return np.take_along_axis(values, order, axis=-1)
+        return eigenvalues_in_order(values, abs(values))
 
 
 def _slopes_at_fixed_points(checked: Problem) -> FloatArray:

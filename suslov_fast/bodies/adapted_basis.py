@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
+from ..maps.orthonormal import eigenvectors, product
 
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
 # equality, and the parallel axis theorem loses a few digits.
@@ -61,16 +62,16 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     to_last = np.eye(n) - between[..., :, None] * between[..., None, :] / between[..., -1:, None]
     to_last[..., -1, :] = up
     to_last[..., [0, -1], :] *= sign[..., None]
-    rotated = to_last @ matrix @ to_last.swapaxes(-2, -1)
-    vectors = np.linalg.eigh(rotated[..., :-1, :-1])[1]
-    order = abs(vectors).argmax(axis=-2).argsort(axis=-1)
+    rotated = product(product(to_last, matrix), to_last.swapaxes(-2, -1))
+    vectors = eigenvectors(rotated[..., :-1, :-1])
+    order = abs(vectors).argmax(axis=-2).argsort(axis=-1, kind="stable")
     vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
     vectors *= np.where(np.diagonal(vectors, axis1=-2, axis2=-1) < 0.0, -1.0, 1.0)[..., None, :]
     turn = np.broadcast_to(np.eye(n), rotated.shape).copy()
     turn[..., :-1, :-1] = vectors.swapaxes(-2, -1)
     turn[..., 0, :] *= np.sign(np.linalg.det(turn))[..., None]
-    tensors = turn @ rotated @ turn.swapaxes(-2, -1)
+    tensors = product(product(turn, rotated), turn.swapaxes(-2, -1))
     # Products of inertia that should be 0 are as large as the rounding errors of the moments.
     largest = np.diagonal(tensors, axis1=-2, axis2=-1).max(axis=-1)[..., None]
     tensors[..., :-1, -1][abs(tensors[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
-    return tensors, turn @ to_last + 0.0  # + 0.0 turns -0.0 into 0.0
+    return tensors, product(turn, to_last) + 0.0  # + 0.0 turns -0.0 into 0.0

@@ -51,6 +51,19 @@ def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     return np.linalg.eigvals(slopes).astype(complex)
 
 
+def eigenvalues_in_order(values: NDArray[Any], sizes: FloatArray) -> NDArray[Any]:
+    """Return eigenvalues (..., k) by decreasing `sizes` (..., k), which are moduli or real parts.
+
+    Sizes that agree to 9 digits count as equal, so that last digits do not choose the order; then
+    larger |Im| comes first, then larger Re, and in conjugate pairs Im > 0.
+    """
+    largest = np.fmax.reduce(abs(values), axis=-1, keepdims=True, initial=0.0)
+    scale = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)
+    keys = (np.round(each / scale, 9) for each in (values.real, abs(values.imag), sizes))
+    order = np.lexsort((-values.imag, *(-key for key in keys)), axis=-1)
+    return np.take_along_axis(values, order, axis=-1)
+
+
 # Formulas of the functions in the module `kahan`, for any field; bodies have their own.
 KAHAN = {
     "matrix": Formula(_matrix),

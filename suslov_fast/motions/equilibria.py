@@ -31,6 +31,7 @@ from ..fields.html import html_table
 from ..fields.map import Map
 from ..fields.names import labels
 from ..keywords import lacking, public
+from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
 from ..status import Status
 from .tangent_spaces import tangent_basis, within
@@ -620,5 +621,4 @@ def _eigenvalues(slopes: FloatArray, of_map: bool) -> Any:
     known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
     values = np.linalg.eigvals(np.where(known[..., np.newaxis], slopes, 0.0)).astype(complex)
     values = np.where(known, values + of_map, complex(np.nan, np.nan))
-    sizes = abs(values) if of_map else values.real
-    return np.take_along_axis(values, np.lexsort((-values.imag, -sizes), axis=-1), axis=-1)
+    return eigenvalues_in_order(values, abs(values) if of_map else values.real)

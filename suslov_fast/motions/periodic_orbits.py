@@ -17,6 +17,7 @@ from ..fields.constraints import constraints_of
 from ..fields.field import Field, system_of
 from ..fields.map import Map
 from ..keywords import public
+from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
 from .event import Event
 from .events import Derivatives, checked_events
@@ -353,11 +354,14 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
         how = "if states are a force, write it as a function of the time, in f(t, x)"
         warn(f"periodic_orbit found a member of a family, which x0 and period choose: {why}; {how}")
     values = np.linalg.eigvals(product).astype(complex)
-    order = np.lexsort((-values.imag, -abs(values)))
     others = values[np.argsort(abs(values - 1.0))][trivial:]
     is_stable = bool((abs(others) < 1.0 - _NEUTRAL).all())
     return PeriodicOrbit(
-        search.nodes[0], float(search.T), values[order], search.residual, is_stable
+        search.nodes[0],
+        float(search.T),
+        eigenvalues_in_order(values, abs(values)),
+        search.residual,
+        is_stable,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import FloatArray
 from ..fields.constraints import Constraints
-from ..maps.orthonormal import dual_product, orthonormal
+from ..maps.orthonormal import dual_product, orthonormal, product
 
 
 def tangent_basis(slopes: FloatArray) -> FloatArray:
@@ -60,9 +60,7 @@ class TangentSpaces:
 
 def within(basis: FloatArray, slopes: FloatArray) -> FloatArray:
     """Return the part of matrices (..., n, n) within the space of the columns (..., n, d)."""
-    *batch, n, d = basis.shape
-    of, by = (a.reshape(math.prod(batch), n, a.shape[-1]) for a in (basis, slopes))
-    return dual_product(of, dual_product(np.swapaxes(by, 1, 2), of)).reshape(*batch, d, d)
+    return dual_product(basis, product(slopes, basis))
 
 
 def block_diagonal(blocks: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from last_digits import PROCESSORS, other_last_digits
 from samples import random_inertia
 
 from suslov_fast import Suslov3D, SuslovND, equilibria, flow, iterate, kahan
@@ -181,6 +182,22 @@ def test_from_mass_tensor(rng):
         assert abs(block - np.diag(np.diag(block))).max() < 1e-14 * abs(matter).max()
         about_last = SuslovND.from_mass_tensor(matter, np.eye(n)[-1])
         assert SuslovND.from_mass_tensor(matter) == about_last
+
+
+def test_constants_do_not_depend_on_the_processor(rng):
+    """Orbits go on from them."""
+    inertia, axes = random_inertia(rng, (4,)), rng.normal(size=(4, 3))
+    root = rng.normal(size=(3, 6, 6))
+    matter = root @ np.swapaxes(root, 1, 2)
+    found = []
+    for seed in PROCESSORS:
+        with other_last_digits(seed):
+            body = Suslov3D.from_inertia(inertia, axes)
+            other = SuslovND.from_mass_tensor(matter, axes[:3, [0, 1, 2, 0, 1, 1]])
+        found.append([*body.parameters.values(), body.rotation, other.J, other.I, other.rotation])
+    for each in found[1:]:
+        for one, first in zip(each, found[0], strict=True):
+            np.testing.assert_array_equal(one, first)
 
 
 def test_rotations_belong_to_members_and_their_copies(rng):

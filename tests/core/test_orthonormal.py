@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.numba.orthonormal import decompose_each
-from suslov_fast.maps.orthonormal import orthonormal
+from suslov_fast.maps.orthonormal import eigenvectors, orthonormal
 
 
 def by(function, V):
@@ -32,3 +32,23 @@ def test_columns(rng, K, n, rank, size):
             np.testing.assert_array_equal(one, other)
     for one, other in zip(orthonormal(V[-1:]), (Q, diagonal), strict=True):
         np.testing.assert_array_equal(one[0], other[-1])
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
+def test_eigenvectors(rng, n):
+    """Of symmetric matrices: generic, with equal eigenvalues, graded, diagonal, and 0."""
+    A = rng.normal(size=(6, n, n))
+    A[1] = np.eye(n) + A[1, :, :1] * A[1, :, 0]
+    A[2] *= np.outer(10.0 ** -np.arange(n), 10.0 ** -np.arange(n))
+    A[3], A[4] = np.diag(np.arange(n)), 0.0
+    A += np.swapaxes(A, 1, 2)
+    V = eigenvectors(A)
+    turned = np.swapaxes(V, 1, 2) @ A @ V
+    np.testing.assert_allclose(np.swapaxes(V, 1, 2) @ V, np.tile(np.eye(n), (6, 1, 1)), atol=1e-14)
+    for k, (found, of) in enumerate(zip(turned, A, strict=True)):
+        np.testing.assert_allclose(found - np.diag(np.diag(found)), 0, atol=2e-14 * abs(of).max())
+        near = 1e-13 * (abs(np.linalg.eigvalsh(of)) if k == 2 else abs(of).max() + np.zeros(n))
+        errors = abs(np.sort(np.diag(found)) - np.linalg.eigvalsh(of))
+        assert (errors <= near + 1e-15 * abs(of).max()).all()
+        np.testing.assert_array_equal(eigenvectors(of), V[k])
+    np.testing.assert_array_equal(V[3:5], np.tile(np.eye(n), (2, 1, 1)))

@@ -22,10 +22,11 @@ from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
 from .layout import layout_of
-from .mass import Samples, solved
+from .mass import Samples, is_zero, less, product_of, solved, sum_of
 from .names import TIME, variables
 from .symbols import Symbol, Symbols
 from .tracer import Tracer
+from .trigonometry import shorter
 from .user_function import UserFunction
 
 _SAMPLES = 24  # random states at which M is tested
@@ -103,12 +104,20 @@ class _Functions:
             raise wrong(name, f"{count} components", f"{len(rows)}")
         return _array(self.tracer, rows)
 
+    def shorter(self, array: Any, at_rest: bool = False) -> Any:
+        """Return an array of shorter formulas, see `trigonometry`; also parts without velocities if
+        `at_rest`.
+        """
+        tracer = self.tracer
+        operands = [tracer.number(a) for a in array.ravel()]
+        velocities = None if at_rest else range(self.n, self.n + self.m)
+        found = shorter(tracer.values, operands, velocities)
+        return _array(tracer, found).reshape(array.shape)
+
 
 def _array(tracer: Tracer, operands: Sequence[Any]) -> Any:
     """Return an array of symbols, and of numbers for constant operands."""
-    array = np.empty(len(operands), object)
-    array[:] = [a if isinstance(a, float) else Symbol(tracer, a) for a in operands]
-    return array
+    return _filled([a if isinstance(a, float) else Symbol(tracer, a) for a in operands])
 
 
 def slopes(tracer: Tracer, values: Any, by: Sequence[int]) -> Any:
@@ -134,13 +143,13 @@ def of_lagrangian(
     """
     traced = _Functions(q, u, functions, parameters)
     tracer, n, m, flows = traced.tracer, traced.n, traced.m, traced.flows
-    L, of_u = traced.symbols("L"), range(n, n + m)
+    L, of_u = traced.shorter(traced.symbols("L")), range(n, n + m)
     p = slopes(tracer, L, of_u)[0]
     M, r = _inertia(traced, L, p, algebra)
     r = r - traced.symbols("forces", m)
     phi, g, holonomic = _constraints(traced)
     A, c = slopes(tracer, phi, of_u), -(slopes(tracer, phi, traced.places) @ flows)
-    elimination = _Elimination(tracer, M, A, parameters)
+    elimination = _elimination(traced, M, A, parameters)
     rates, multipliers = elimination.solution(-r, c)
     quantities = {"energy": [traced.velocities @ p - L[0]], "momenta": p}
     if len(A):
@@ -181,12 +190,12 @@ def _inertia(traced: _Functions, L: Any, p: Any, algebra: Any) -> tuple[Any, Any
 def _constraints(traced: _Functions) -> tuple[Any, Any, list[int]]:
     """Return phi of all constraints, g of the holonomic ones, and the rows of these in phi."""
     tracer, n, m = traced.tracer, traced.n, traced.m
-    phi = traced.symbols("constraints")
+    phi = traced.shorter(traced.symbols("constraints"))
     given, holonomic = phi.copy(), []
     for row, of_u in enumerate(slopes(tracer, phi, range(n, n + m))):
-        if all(map(_is_zero, of_u)):
+        if all(map(is_zero, of_u)):
             along = slopes(tracer, given[row : row + 1], traced.places)[0]
-            if all(map(_is_zero, along[:n])):
+            if all(map(is_zero, along[:n])):
                 text = tracer.text(tracer.number(given[row]))
                 raise wrong("constraints", "functions of q or v", f"{text} in row {row}")
             phi[row] = along @ traced.flows
@@ -194,12 +203,76 @@ def _constraints(traced: _Functions) -> tuple[Any, Any, list[int]]:
     return phi, given[holonomic], holonomic
 
 
-def _is_zero(a: Any) -> bool:
-    return isinstance(a, float) and a == 0.0
+def _elimination(traced: _Functions, M: Any, A: Any, parameters: Mapping[str, Any]) -> Any:
+    """Return the elimination of multipliers from M u' - A^T lambda = b, A u' = c."""
+    numbers = [(k, j) for k, j in np.ndindex(A.shape) if isinstance(A[k, j], float) and A[k, j]]
+    if not numbers:
+        return _Simultaneous(traced.tracer, M, A, parameters)
+
+    def order(place: tuple[int, int]) -> Any:
+        return sum(not is_zero(a) for a in M[place[1]]), -abs(A[place]), place
+
+    return _Substituted(traced, M, A, min(numbers, key=order), parameters)
 
 
-class _Elimination:
-    """The elimination of multipliers from M u' - A^T lambda = b, A u' = c.
+class _Substituted:
+    """An elimination that begins with the constraint r, in which u_j' has a number as a factor.
+
+    The constraint gives u' = N w + o with all other components w of u', and o = 0 except for o_j.
+    So N^T M N w - (A N)^T lambda = N^T (b - M o) without lambda_r, which row j of M u' gives later.
+    """
+
+    def __init__(
+        self,
+        traced: _Functions,
+        M: Any,
+        A: Any,
+        place: tuple[int, int],
+        parameters: Mapping[str, Any],
+    ) -> None:
+        self.traced, self.M, self.A = traced, M, A
+        self.r, self.j = r, j = place
+        N = np.eye(len(M)).astype(object)
+        N[j] = [0.0 if k == j else product_of(-1.0 / A[r, j], a) for k, a in enumerate(A[r])]
+        self.N, self.others = np.delete(N, j, axis=1), np.delete(A, r, axis=0)
+        inner = traced.shorter(_dot(self.N.T, _dot(M, self.N)), at_rest=True)
+        inner = np.where(np.tri(len(inner), dtype=bool), inner, inner.T)
+        rows = traced.shorter(_dot(self.others, self.N), at_rest=True)
+        self.inner = _elimination(traced, inner, rows, parameters)
+
+    def solution(self, b: Any, c: Any) -> tuple[Any, Any]:
+        """Return u' and -lambda."""
+        r, j, inverse = self.r, self.j, 1.0 / self.A[self.r, self.j]
+        first = product_of(inverse, c[r])
+        right = _dot(self.N.T, [less(a, row[j], first) for a, row in zip(b, self.M, strict=True)])
+        pairs = zip(np.delete(c, r), self.others, strict=True)
+        w, minus = self.inner.solution(
+            self.traced.shorter(right), _filled([less(a, row[j], first) for a, row in pairs])
+        )
+        u = _dot(self.N, w)
+        u[j] = sum_of([(1.0, u[j]), (1.0, first)])
+        rest = less(less(b[j], 1.0, _dot(self.M[j], u)), 1.0, _dot(self.others[:, j], minus))
+        return u, np.insert(minus, r, product_of(inverse, rest))
+
+
+def _dot(a: Any, b: Any) -> Any:
+    """Return the product of a matrix or vector, and of a matrix or vector."""
+    a, b = np.asarray(a, object), np.asarray(b, object)
+    if a.ndim == 1 and b.ndim == 1:
+        return sum_of(zip(a, b, strict=True))
+    shape = (*a.shape[:-1], *b.shape[1:])
+    rows, columns = np.atleast_2d(a), b.T if b.ndim == 2 else [b]
+    return _filled([sum_of(zip(x, y, strict=True)) for x in rows for y in columns]).reshape(shape)
+
+
+def _filled(entries: Any) -> Any:
+    array = np.empty(len(entries), object)
+    array[:] = entries
+    return array
+
+
+class _Simultaneous:
+    """The elimination of all unknowns together.
 
     As A u' = c, the equations hold with M + w A^T A and b + w A^T c, too. This matrix is regular
     also where M is singular, as for bodies without a moment of inertia, which constraints alone
@@ -222,6 +295,10 @@ class _Elimination:
         try:
             x = solved(rows, right, Samples(self.tracer), m, self.is_definite)
         except ValueError:
+            if not len(self.A):
+                need = "a function with a regular matrix of masses, L_vv"
+                how = "leave out velocities that constraints or L do not determine"
+                raise wrong("L", need, f"one with a singular matrix: {how}") from None
             how = "leave out constraints that follow from others, or give each velocity a mass"
             raise wrong("constraints", "independent", f"dependent on one another: {how}") from None
         x = _array(self.tracer, [self.tracer.number(a) for a in x])

@@ -9,7 +9,7 @@ only by their determinant.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -51,7 +51,7 @@ def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     rows = [entries[k : k + D] for k in range(0, D * D, D)]
     b = [_as_symbol(tracer, a) for a in right]
     if all(isinstance(a, float) for row in rows for a in row):
-        x = [_sum(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
+        x = [sum_of(zip(row, b, strict=True)) for row in _inverse(np.array(rows))]
     else:
         samples = Samples(tracer)
         x = solved([[_as_symbol(tracer, a) for a in row] for row in rows], b, samples)
@@ -88,23 +88,23 @@ def _singular() -> Any:
     return wrong("mass", "a matrix that has an inverse", f"a singular one: {how}")
 
 
-def _is_zero(a: Any) -> bool:
+def is_zero(a: Any) -> bool:
     return isinstance(a, float) and a == 0.0
 
 
-def _product(a: Any, b: Any) -> Any:
+def product_of(a: Any, b: Any) -> Any:
     """Return a b, without an operation if a is 0 or 1, or b is 0."""
-    if _is_zero(a) or _is_zero(b):
+    if is_zero(a) or is_zero(b):
         return 0.0
     return b if _same(a, 1.0) else a * b
 
 
-def _sum(products: Iterator[tuple[Any, Any]]) -> Any:
+def sum_of(products: Iterable[tuple[Any, Any]]) -> Any:
     """Return the sum of the products of pairs."""
     total: Any = 0.0
-    for product in (_product(a, b) for a, b in products):
-        if not _is_zero(product):
-            total = product if _is_zero(total) else total + product
+    for product in (product_of(a, b) for a, b in products):
+        if not is_zero(product):
+            total = product if is_zero(total) else total + product
     return total
 
 
@@ -119,7 +119,7 @@ class Samples:
     def is_zero(self, a: Any) -> bool:
         """Return True if a formula is 0, or a difference of equal terms at nearly all states."""
         if not isinstance(a, Symbol):
-            return _is_zero(a)
+            return is_zero(a)
         instruction, operands = self._expressions.of.get(a.operand, ("", ()))
         if instruction not in ("fadd", "fsub"):
             return False
@@ -171,20 +171,20 @@ def solved(
         is_symmetric &= i == j
         rows.remove(i)
         columns.remove(j)
-        after = [c for c in columns if not _is_zero(a[i][c])]
-        below = [r for r in rows if not _is_zero(a[r][j])]
+        after = [c for c in columns if not is_zero(a[i][c])]
+        below = [r for r in rows if not is_zero(a[r][j])]
         inverse = 1.0 / a[i][j] if below and not _same(a[i][j], 1.0) else 1.0
         for r in below:
-            factor = _product(inverse, a[r][j])
+            factor = product_of(inverse, a[r][j])
             for c in after:
-                a[r][c] = _less(a[r][c], factor, a[i][c])
-            b[r] = _less(b[r], factor, b[i])
+                a[r][c] = less(a[r][c], factor, a[i][c])
+            b[r] = less(b[r], factor, b[i])
         steps.append((i, j, inverse if below else None, after))
     for i, j, inverse, after in reversed(steps):
         rest = b[i]
         for c in after:
-            rest = _less(rest, a[i][c], x[c])
-        x[j] = rest / a[i][j] if inverse is None else _product(inverse, rest)
+            rest = less(rest, a[i][c], x[c])
+        x[j] = rest / a[i][j] if inverse is None else product_of(inverse, rest)
     return x
 
 
@@ -201,24 +201,24 @@ def _by_cramer(
             return 1.0
         j, *others = columns
         cofactors = [minor((*rows[:k], *rows[k + 1 :]), (*others,)) for k in range(len(rows))]
-        parts = (_product(whole[i][j], c) for i, c in zip(rows, cofactors, strict=True))
-        total = _sum(((-1.0) ** k, part) for k, part in enumerate(parts))
+        parts = (product_of(whole[i][j], c) for i, c in zip(rows, cofactors, strict=True))
+        total = sum_of(((-1.0) ** k, part) for k, part in enumerate(parts))
         return 0.0 if samples.is_zero(total) else total
 
     determinant = minor((*rows,), (*columns,))
-    if _is_zero(determinant):
+    if is_zero(determinant):
         raise _singular()
     places = [(len(b), *columns[:k], *columns[k + 1 :]) for k in range(len(columns))]
     signed = ((-1.0) ** k * minor((*rows,), place) for k, place in enumerate(places))
     return [each if _same(determinant, 1.0) else each / determinant for each in signed]
 
 
-def _less(a: Any, factor: Any, b: Any) -> Any:
+def less(a: Any, factor: Any, b: Any) -> Any:
     """Return a - factor b."""
-    product = _product(factor, b)
-    if _is_zero(product):
+    product = product_of(factor, b)
+    if is_zero(product):
         return a
-    return -product if _is_zero(a) else a - product
+    return -product if is_zero(a) else a - product
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -179,6 +179,71 @@ def test_rolling_disk_is_stable_above_its_critical_speed():
     assert_allclose(motion.residuals(), 0, atol=1e-13)
 
 
+def disk_by_hand():
+    """The disk typed in angular velocities along its line of nodes, across it, and of its spin."""
+
+    def f(x):
+        _, _, a, b, _, w1, w2, w3 = x
+        turn = w2 * cos(b) / sin(b)
+        return (
+            w1 * sin(a) * sin(b) - w3 * cos(a),
+            -w3 * sin(a) - w1 * cos(a) * sin(b),
+            w2 / sin(b),
+            w1,
+            w3 - turn,
+            (0.25 * turn * w2 - 1.5 * w2 * w3 - 9.81 * cos(b)) / 1.25,
+            (0.5 * w3 - 0.25 * turn) * w1 / 0.25,
+            2 / 3 * w1 * w2,
+        )
+
+    return Field(f, "x y a b c w1 w2 w3")
+
+
+def test_rolling_disk_is_as_short_as_its_equations():
+    field, hand = disk(), disk_by_hand()
+    x0 = field.projected([0, 0, 0.3, 1.2, 0, 0, 0, 0.5, 0.1, 3.0])
+    q, v, b = x0[:5], x0[5:], x0[3]
+    start = [*q, v[3], v[2] * sin(b), v[4] + v[2] * cos(b)]
+    t = np.linspace(0, 5, 20)
+    found, exact = flow(field, x0, time=t).states, flow(hand, start, time=t).states
+    assert_allclose(found[:, :5], exact[:, :5], atol=1e-7)
+    assert len(field._right_hand_sides[0].f.f.operations) < 100  # 583 without cos**2 + sin**2 = 1
+
+
+def test_formulas_keep_their_digits():
+    """A stiff spring near its length, and a bar's small inertia: differences are not expanded."""
+
+    def lagrangian(q, v, k):
+        r, a = q
+        return (v[0] ** 2 + (r * cos(a) * v[1]) ** 2 + (r * sin(a) * v[1]) ** 2) / 2 - k * (
+            r - 1
+        ) ** 2 / 2
+
+    field = Field.from_lagrangian(lagrangian, "r a", k=1e8)
+    x = [1 + 2.0**-40, 0.7, 0.0, 1e-5]
+    assert_allclose(field(x)[2], -1e8 * 2.0**-40 + 1e-10 * (1 + 2.0**-40), rtol=1e-14)
+    assert "sin" not in repr(field)
+
+
+@pytest.mark.parametrize("L", [lambda q, v: (v[0] + v[1]) ** 2, lambda q, v: v[0] ** 2 - q[1]])
+def test_singular_masses(L):
+    with pytest.raises(ValueError, match=r"^L must be .* L_vv"):
+        Field.from_lagrangian(L, "x y")
+
+
+def test_drag_on_a_constraint():
+    """An overdamped pendulum: the implicit integrator, and steps that stay on the circle."""
+    drag = {"forces": lambda q, v, c: -c * v, "c": 1000.0}
+    field = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1], "x y", constraints=lambda q, v: q @ q - 1, **drag
+    )
+    motion = flow(field, [1, 0, 0, 0], time=[1e3, 5e3, 1e5])
+    exact = 1 / np.cosh(motion.time / 1000)  # of 1000 a' = -sin(a), up to 1 / 1000**2
+    assert_allclose(motion.states[:, 0], exact, rtol=1e-4, atol=1e-12)
+    assert_allclose(motion.residuals(), 0, atol=1e-15)
+    assert motion.steps < 1000
+
+
 def test_chaplygin_ball_keeps_its_moment_in_space():
     inertia = np.array([1.0, 1.6, 2.1])
 

@@ -11,11 +11,13 @@ import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
 import suslov_fast as sf
 
+from .waiting import Waiting
 from .words import answer
 
 # Functions import the modules that need NumPy or Numba, because `--help` and most errors need none.
@@ -164,24 +166,23 @@ def run(options: argparse.Namespace) -> int:
     if options.json or not sys.stdout.isatty():
         print(json.dumps(facts))
     else:
-        way = f"solutions to time {options.time:g}" if is_motion else "orbits of Kahan's map"
-        way += (
-            f", {steps:,} steps"
-            if is_motion
-            else f", {steps:,} steps in all, of length {float(eps):g}"
-        )
-        print(_readable(facts, way))
+        ending = "" if failed.size == 1 else "s"
+        way = f"orbit{ending} of Kahan's map, {steps:,} steps in all, of length {float(eps or 0):g}"
+        if is_motion:
+            way = f"solution{ending} to time {options.time:g}, {steps:,} steps"
+        print(_readable(facts, way, options))
     return int(failed.size > 0 and bool(failed.all()))
 
 
-def _timed(compute: Callable[[], Any], longest: float) -> tuple[Any, float | None]:
+def _timed(compute: Callable[..., Any], longest: float) -> tuple[Any, float | None]:
     """Return the result of a call, and the seconds of a later call, because the first compiles.
 
     The seconds are the least of up to five calls within a second, or None if the first call takes
     longer than `longest`.
     """
     begin = time.perf_counter()
-    result = compute()
+    with Waiting() as waiting:
+        result = compute(progress=waiting.report)
     if time.perf_counter() - begin > longest:
         return result, None
     begin, least = time.perf_counter(), math.inf
@@ -216,7 +217,7 @@ def _checks(system: Any, states: Any, eps: Any, chosen: dict[str, Any], result: 
     }
 
 
-def _readable(facts: dict[str, Any], way: str) -> str:
+def _readable(facts: dict[str, Any], way: str, options: argparse.Namespace) -> str:
     """Return the facts of a run as lines of text; `way` says what was computed."""
     lines = [f"{facts['trajectories']:,} {way}", f"of {facts['system']}"]
     rates = {"rate": "", "one thread": "_one_thread", "two threads": "_two_threads"}
@@ -238,7 +239,19 @@ def _readable(facts: dict[str, Any], way: str) -> str:
         lines += [f"Theorem 1:   the closed form and the iteration differ by {change:.0e} at most"]
     lines += [f"failed:      {facts['failed']:,}"] * bool(facts["failed"])
     lines += [f"written:     {facts['written']}"] if "written" in facts else []
+    lines += [f"picture:     {_picture(options)}"]
     return "\n".join([*lines, _NEXT])
+
+
+def _picture(options: argparse.Namespace) -> str:
+    """Return what draws the trajectories of a run."""
+    if not find_spec("matplotlib"):
+        return "pip install '.[plots]' installs what draws it"
+    if options.output:
+        return f"suslov-fast plot {options.output}"
+    if options.equations or options.body or options.time:
+        return "add -o run.npz, then suslov-fast plot run.npz"
+    return f"suslov-fast figures -o figures draws it, figures/figure{options.figure or 2}.png"
 
 
 def plot(options: argparse.Namespace) -> None:

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import children
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import command
+from suslov_fast import command, waiting
 from suslov_fast.command import main
 
 
@@ -73,8 +74,33 @@ def test_a_run_at_a_terminal(capsys, monkeypatch):
     facts = json.loads(call(f"{line} --json", capsys))
     assert (facts["seconds"], facts["steps_per_second"]) == (None, None)
     assert "time 2, " in call("run --time 2 --x0 1,0.5", capsys)
+    one = call("run --steps 9 --x0 1,0.5", capsys)
+    assert one.startswith("1 orbit of Kahan's map, 9 steps")
+    assert "picture:     suslov-fast figures" in one
+    assert "picture:     suslov-fast plot a.npz" in call("run --x0 1,0.5 -o a.npz", capsys)
     with_rotor = json.loads(call("run --json --body 4,1,0,0.1,1 --x0 1,1 --eps 1/8", capsys))
     assert not {"relative_change_of_F"} & {*with_rotor}
+
+
+def test_a_line_at_the_terminal_while_it_compiles(capsys, monkeypatch):
+    """From some time on; it says how far the call is as soon as the call says so, and goes."""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(waiting, "_FIRST", 0.01)
+    monkeypatch.setattr(waiting, "_PAUSE", 0.01)
+    shown, err = waiting.Waiting(), ""
+    with shown:
+        while "compiling" not in err:
+            err += capsys.readouterr().err
+        shown.report(3, 4)
+        while "75 %" not in err:
+            err += capsys.readouterr().err
+    err += capsys.readouterr().err
+    assert err.endswith("\r\x1b[K")
+    assert {line.count("#") for line in re.findall(r"computing.*75", err)} == {18}
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
+    with waiting.Waiting() as shown:
+        time.sleep(0.05)
+    assert capsys.readouterr().err == ""
 
 
 def test_a_run_of_equations(capsys):
@@ -123,7 +149,7 @@ def test_mistakes(line, named, monkeypatch, capsys):
     for name in ("good.npz", "figure1.png"):
         Path(name).write_text("precious")
     before = sorted(Path().rglob("*"))
-    for name in ("maps.batch.BatchRun.to", "motions.flow.to_tolerance"):
+    for name in ("maps.batch.BatchRun.to", "motions.solution.to_tolerance"):
         monkeypatch.setattr(f"suslov_fast.{name}", None)
     try:
         code = main(line.split())

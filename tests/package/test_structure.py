@@ -95,7 +95,8 @@ ARROWS = {
     "plots": "checks keywords status fields bodies results orbits motions",
     "integrability": "core checks keywords fields bodies",
     "compiled": "core checks keywords fields maps motions",
-    "command": "words fields bodies results orbits motions plots integrability",
+    "waiting": "",
+    "command": "words waiting fields bodies results orbits motions plots integrability",
     "__main__": "command",
 }
 

@@ -79,7 +79,80 @@ def driven_cavity():
     return lambda a: -decay * a + drive, [0j], a[:, np.newaxis]
 
 
+def stuart_landau():  # with shear: the modulus is logistic, and the phase its integral
+    mu, omega, shear, r0 = 0.8, 1.3, 0.6, 0.3
+    square = mu / (1 + (mu / r0**2 - 1) * np.exp(-2 * mu * T))
+    integral = np.log(np.exp(2 * mu * T) - 1 + mu / r0**2) / 2 - np.log(mu / r0**2) / 2
+    phase = omega * T - shear * integral
+
+    def f(z):
+        return (mu + 1j * omega) * z - (1 + 1j * shear) * abs(z) ** 2 * z
+
+    return f, [r0 + 0j], (np.sqrt(square) * np.exp(1j * phase))[:, np.newaxis]
+
+
+def vortices(n):
+    z0 = np.exp(2j * np.pi * np.arange(n) / n) * np.linspace(1, 1.3, n)
+    strengths = np.linspace(1, 2, n)
+
+    def f(z):
+        sums = [sum(strengths[j] / (z[i] - z[j]) for j in range(n) if j != i) for i in range(n)]
+        return [np.conj(a / (2j * np.pi)) for a in sums]
+
+    return by_parts(f, z0)
+
+
+def three_waves():
+    return by_parts(
+        lambda a: (1j * np.conj(a[1]) * a[2], 1j * np.conj(a[0]) * a[2], 1j * a[0] * a[1]),
+        [1 + 0.2j, 0.5j, 0.7 + 0j],
+    )
+
+
+def ginzburg_landau():
+    x = 2 * np.pi * np.arange(64) / 64
+
+    def f(z):
+        bend = (np.roll(z, 1) - 2 * z + np.roll(z, -1)) * 4.0
+        return z + (1 + 0.5j) * bend - (1 - 1.2j) * abs(z) ** 2 * z
+
+    return by_parts(f, 0.5 * np.exp(1j * x) + 0.1 * np.cos(2 * x))
+
+
+def schroedinger(is_dense):
+    x = np.linspace(-8, 8, 128)
+    h = x[1] - x[0]
+    bend = (np.eye(128, k=1) - 2 * np.eye(128) + np.eye(128, k=-1)) / h**2
+    H = -0.5 * bend + np.diag(0.5 * x**2)
+    psi = np.exp(-((x - 1) ** 2) + 2j * x)
+    exact = [expm(-1j * t * H) @ psi for t in T]
+    if is_dense:
+        return lambda z: -1j * (H @ z), psi, exact
+
+    def f(z):
+        ends = np.zeros_like(z[:1])
+        near = np.concatenate([z[1:], ends]) + np.concatenate([ends, z[:-1]])
+        return -1j * (-0.5 * (near - 2 * z) / h**2 + 0.5 * x**2 * z)
+
+    return f, psi, exact
+
+
 SYSTEMS = {
+    "Stuart and Landau": stuart_landau,
+    "3 vortices": lambda: vortices(3),
+    "4 vortices": lambda: vortices(4),
+    "three waves": three_waves,
+    "Ginzburg and Landau": ginzburg_landau,
+    "Schroedinger": lambda: schroedinger(False),
+    "Schroedinger, dense": lambda: schroedinger(True),
+    "Lorenz and Haken": lambda: by_parts(
+        lambda s: (
+            3 * (s[1] - s[0]), s[0] * s[2] - s[1],
+            -0.3 * (s[2] - 4 + (np.conj(s[0]) * s[1]).real),
+        ),
+        [0.5 + 0.1j, 0.2j, 1 + 0j],
+    ),
+    "Rabi": lambda: linear(-1j * np.array([[0.3, 0.5], [0.5, -0.3]]), np.array([1.0 + 0j, 0])),
     "Bloch and Redfield": bloch_redfield,
     "Ott and Antonsen": order_parameter,
     "Ablowitz and Ladik": ablowitz_ladik,
@@ -111,6 +184,7 @@ SYSTEMS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow_cases("Ginzburg and Landau", "Schroedinger", "Schroedinger, dense")
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_solutions(name):
     f, z0, expected = SYSTEMS[name]()

@@ -97,7 +97,7 @@ TABLE = (
   ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),
   ("equation latex tolatex tosympy sympify", "body",
    "str(...), the formula; of an integral F sympy.sympify(F), and sympy.latex(F)"),
-  ("eval evaluate lambdify vectorfield", "",
+  ("eval evaluate lambdify vectorfield apply observe observable", "values",
    "field(x), the value of the right-hand side; compiled.system in loops of your own"),
   ("dim ndim d", "dimension", ""),
   ("derivatives", "derivatives",

@@ -23,14 +23,15 @@ _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations a
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
 # Roles of functions that return one number, or any number of them; `mass` returns a matrix, and
 # f and `to` a number for each variable.
-_ONE, _ANY = ("H", "L", "surface"), ("constraints", "forces", "frame", "integrals")
+_ONE = "H", "L", "surface"
+_ANY = "constraints", "forces", "frame", "integrals", "values"
 
 
 class UserFunction:
     """A function of the user: of the state x, or of (q, v), of the time, and of parameters.
 
-    role        "f", "H", "L", "mass", "surface", "to", "constraints", "forces", "frame" or
-                "integrals": the name of the argument in messages
+    role        "f", "H", "L", "mass", "surface", "to", "constraints", "forces", "frame",
+                "integrals" or "values": the name of the argument in messages
     has_time    True if it takes the time, an argument t or time without a default: before or
                 after the state x; anywhere beside (q, v)
     takes       the names of those `parameters` that it takes

@@ -19,9 +19,8 @@ from ..core.hybrid.event_formulas import EventAction, KeyedProgram, read_by
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
 from ..fields.layout import Layout
-from ..fields.names import TIME
+from ..fields.state_functions import operands_of
 from ..fields.tracer import Tracer, called_by_name, components
-from ..fields.user_function import UserFunction
 from ..keywords import public, public_class
 from ..results.result import place_in, read_only
 
@@ -328,16 +327,7 @@ class TracedEvent:
         """Return the results of f, a function or texts, as operands; messages name `argument`."""
         if not callable(f):
             return self._read(argument, [f] if isinstance(f, str) else f)
-        f = UserFunction(argument, f, self.tracer.parameters)
-        needed, known = checks.arguments_of(f.f), f.takes
-        others = [name for name in needed[1:] if name not in known]
-        if others and not TIME & {*needed}:
-            expected = "a function of the state, and of parameters of the system by name"
-            has = either([*self.tracer.parameters] or ["none"])
-            received = f"one of {others[0]!r}: the system has {has}"
-            raise wrong(argument, expected, received, TypeError)
-        f.check(self.layout.names, dict.fromkeys(known, 1.0))
-        return f.formulas(self.tracer)
+        return operands_of(argument, f, self.tracer)
 
     def _read(self, argument: str, texts: Sequence[str]) -> list[Any]:
         """Return formulas, given as texts, as operands; messages name `argument`."""

@@ -189,6 +189,11 @@ class Motion(States):
         return self._start[..., -1] if self.body._layout.has_time else None
 
     @property
+    def _clock(self) -> Any:
+        time = self.time.reshape(-1, *(1,) * self.status.ndim)
+        return None if self.t0 is None else self.t0 + time
+
+    @property
     def derivatives(self) -> dict[str, FloatArray]:
         """The derivatives of the states by name, "x0" or a parameter."""
         of_columns, D = self._derivatives, self.body._layout.size

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, short, warn, wrong
+from ..fields.map import Map
+from ..fields.state_functions import function_values
 from ..keywords import lacking, public
 from .schema import OF_KIND
 
@@ -211,6 +213,43 @@ class States(Result):
     def first_integral(self) -> FloatArray:
         """Return the first integral (n, ...), as :meth:`Suslov3D.first_integral` does."""
         return self._of_body("first_integral")(self.states, vars(self).get("eps", 0.0))
+
+    @public
+    def values(self, f: Any, /) -> FloatArray:
+        """Return the values of a function of the state along the run.
+
+        Parameters
+        ----------
+        f : callable or str, or sequence of str
+            A function of the state and of parameters of the system by name, as in :class:`Event`;
+            or formulas of their names. Of a motion of a system f(t, y) it may take the time.
+
+        Returns
+        -------
+        ndarray(float, shape=(n, ...) or (n, ..., m))
+            One number for each saved state, or m of them if f returns m; NaN where there is no
+            state.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Field, flow
+        >>> family = Field(lambda x, k: (x[1], -k * x[0]), "x v", k=[1.0, 4.0])
+        >>> motion = flow(family, [1.0, 0.0], time=np.linspace(0, 10, 101))
+        >>> energy = motion.values(lambda s, k: s[1] ** 2 / 2 + k * s[0] ** 2 / 2)
+        >>> energy.shape, bool(np.ptp(energy, axis=0).max() < 1e-8)
+        ((101, 2), True)
+        >>> motion.values("k*x").shape
+        (101, 2)
+        """
+        system = self.body if isinstance(self.body, Map) else self.body._field
+        x = system._layout.enter("states", self.states, self._clock)
+        return read_only(function_values(system, f, x, self._clock is not None))
+
+    @property
+    def _clock(self) -> Any:
+        """The time t of each state (n, ...); None if it is not known, or f takes no time."""
+        return None
 
     def _of_body(self, name: str) -> Any:
         """Return a method of the body, if it has one."""

@@ -124,7 +124,8 @@ ROWS = [
     ("PENDULUM.k = 3", r"with_parameters\(k="),
     # attributes
     ("MOTION.sol | MOTION.interpolate", r"motion\(t\)"),
-    ("MOTION.y | RUN.y | RUN.values", "states"),
+    ("MOTION.y | RUN.y", "states"),
+    ("MOTION.evaluate(lambda x: x[0])", "use values"),
     ("MOTION.to_csv('a.csv')", "to_dataframe"),
     ("sf.equilibria(PENDULUM, [0, 0]).multipliers", "eigenvalues"),
     # what takes no map, or takes it in another way

@@ -29,11 +29,10 @@ def function_values(system: Any, f: Any, x: Any, has_time: bool) -> Any:
     shape = np.broadcast_shapes(x.shape[:-1], system._inputs.shape[1:])
     with np.errstate(all="ignore"):
         evaluate(program.operations, values)
-    found = [
-        np.broadcast_to(each if isinstance(each, float) else values[each], shape)
-        for each in program.results
-    ]
-    return np.array(found[0]) if len(found) == 1 else np.stack(found, axis=-1)
+    rows = (each if isinstance(each, float) else values[each] for each in program.results)
+    is_none = np.broadcast_to(np.isnan(x[..., 0]), shape)  # there a constant has no value, too
+    found = [np.where(is_none, np.nan, row) for row in rows]
+    return found[0] if len(found) == 1 else np.stack(found, axis=-1)
 
 
 def operands_of(argument: str, f: Any, tracer: Tracer) -> list[Any]:

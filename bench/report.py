@@ -1,14 +1,13 @@
 """Run all benchmarks, and write tables and a chart.
 
 `python bench/report.py` runs the benchmarks in several short passes, takes the best time of each,
-and writes to `results/`: `benchmarks.json` in the format of pytest-benchmark, all tables as
+and writes to `results/`: what tables show, as `benchmarks.json` and `motions.json`, all tables as
 `tables.md`, and the chart. With such files as arguments it draws them and measures nothing.
 `--motions` measures the tables of motions alone, which `motions.json` has. `--write` also replaces
 the table in README.md; `-k` chooses cases, prints, and writes nothing.
 """
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile
@@ -66,7 +65,7 @@ def main():
     if options.select and not options.motions:
         return
     for name, part in (("benchmarks", others), ("motions", motions)):
-        (FOLDER / f"{name}.json").write_text(json.dumps(part, indent=1) + "\n")
+        results.write(FOLDER / f"{name}.json", part, "benchmarks")
     (FOLDER / "tables.md").write_text(text, encoding="utf-8")
     charts.draw(measured, FOLDER / "speed.png")
     if options.write:

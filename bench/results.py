@@ -57,13 +57,26 @@ def load(path):
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
+def write(path, content, name):
+    """Write a content with one line for each entry of its list `name`."""
+    head = json.dumps({key: value for key, value in content.items() if key != name})
+    lines = ",\n".join(json.dumps(each, ensure_ascii=False) for each in content[name])
+    Path(path).write_text(f'{head[:-1]}, "{name}": [\n{lines}\n]}}\n', encoding="utf-8")
+
+
+def shown(each):
+    """Return the parts of a benchmark of pytest that tables show."""
+    kept = {key: each[key] for key in ("param", "extra_info")}
+    return kept | {"stats": {"min": each["stats"]["min"]}}
+
+
 def merge(several):
     """Merge files from one machine with one set of versions: the best time of each benchmark."""
     if any(content["machine_info"] != several[0]["machine_info"] for content in several):
         raise ValueError("expected results of one machine and one set of versions")
     found = [each for content in several for each in content["benchmarks"]]
     found.sort(key=lambda each: each["stats"]["min"], reverse=True)
-    return several[-1] | {"benchmarks": list({each["name"]: each for each in found}.values())}
+    return several[-1] | {"benchmarks": [*{each["param"]: shown(each) for each in found}.values()]}
 
 
 def machine(processor):

@@ -258,7 +258,7 @@ def main():
                 "datetime": datetime.date.today().isoformat(),
                 "problems": [stored[each] for each in keys if each in stored],
             }
-            path.write_text(json.dumps(content, indent=1) + "\n")
+            results.write(path, content, "problems")
             (FOLDER / "standard.md").write_text(page(content), encoding="utf-8")
 
 

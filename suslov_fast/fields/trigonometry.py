@@ -1,6 +1,6 @@
 """Shorter formulas of mechanics: polynomials in sines, cosines and velocities, cos**2 + sin**2 = 1.
 
-A formula is expanded into monomials, with exact coefficients. In an expansion sin**2 becomes
+A formula is expanded into monomials. In an expansion sin**2 becomes
 1 - cos**2, or cos**2 becomes 1 - sin**2, which leaves fewer monomials. Then common factors are
 collected. Differences such as q - 1 may lose digits if they are expanded, so that the part of a
 formula without velocities, such as a potential, stays as it is.
@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
 from ..core.expressions.programs import depending, needed_for, program_of, renamed
 
-_MOST = 600  # the most monomials of an expansion; formulas with more stay as they are
+_MOST = 200  # the most monomials of an expansion; formulas with more stay as they are
+_CANCELLED = 2.0**-44  # a sum of coefficients is 0 if it is below this part of their moduli
 
 Monomial = tuple[tuple[int, int], ...]  # (operand, power), sorted
-Polynomial = dict[Monomial, Fraction]
+Polynomial = dict[Monomial, float]
 
 
 class _TooLong(Exception):
@@ -49,7 +49,8 @@ class _Formulas:
     """
 
     def __init__(self, values: Any, operands: Sequence[Any], velocities: Any) -> None:
-        self.values, self.known, self.is_whole = values, dict[Any, Polynomial](), velocities is None
+        self.values, self.is_whole = values, velocities is None
+        self.known = dict[Any, Polynomial | None]()  # None for an expansion that is too long
         self.moving, self.at_rest = set[int](), dict[Any, Any]()
         if velocities is None:
             return
@@ -81,10 +82,13 @@ class _Formulas:
     def expanded(self, operand: Any) -> Polynomial:
         """Return {monomial: coefficient} of an operand."""
         if isinstance(operand, float):
-            return {(): Fraction(operand)} if operand else {}
+            return {(): operand} if operand else {}
         if operand not in self.known:
+            self.known[operand] = None
             self.known[operand] = self._expanded(operand)
-        return self.known[operand]
+        if (found := self.known[operand]) is None:
+            raise _TooLong
+        return found
 
     def _expanded(self, operand: int) -> Polynomial:
         instruction, of = self.values.parts_of(operand)
@@ -96,7 +100,7 @@ class _Formulas:
             return _product(a, b)
         if instruction and operand in self.moving:
             raise _TooLong
-        return {((operand, 1),): Fraction(1)}
+        return {((operand, 1),): 1.0}
 
     def _reduced(self, polynomial: Polynomial) -> Polynomial:
         """Return the polynomial with cos**2 + sin**2 = 1 for each angle."""
@@ -118,18 +122,18 @@ class _Formulas:
             return 0.0
         counts = Counter(a for monomial in polynomial for a, _ in monomial)
         if not counts:
-            return float(polynomial[()])
+            return polynomial[()]
         most = max(counts.values())
         if len(polynomial) == 1:
             [(monomial, coefficient)] = polynomial.items()
             for a, power in monomial:
                 for _ in range(power):
                     total = a if total is None else emit("fmul", total, a)
-            return total if coefficient == 1 else emit("fmul", float(coefficient), total)
+            return total if coefficient == 1.0 else emit("fmul", coefficient, total)
         if most == 1:
             return self._sum_of([self._emitted({m: c}) for m, c in polynomial.items()])
         factor = min(a for a, count in counts.items() if count == most)
-        inner, outer = dict[Monomial, Fraction](), dict[Monomial, Fraction]()
+        inner, outer = dict[Monomial, float](), dict[Monomial, float]()
         for monomial, coefficient in polynomial.items():
             powers = dict(monomial)
             if factor in powers:
@@ -163,24 +167,26 @@ def _with_zeros(values: Any, name: str, *of: Any) -> Any:
 def _sum(a: Polynomial, b: Polynomial, sign: int) -> Polynomial:
     total = dict(a)
     for monomial, coefficient in b.items():
-        value = total.get(monomial, 0) + sign * coefficient
-        if value:
-            total[monomial] = Fraction(value)
-        else:
+        old = total.get(monomial, 0.0)
+        total[monomial] = old + sign * coefficient
+        if abs(total[monomial]) <= _CANCELLED * abs(old):
             del total[monomial]
     return _checked(total)
 
 
 def _product(a: Polynomial, b: Polynomial) -> Polynomial:
     total: Polynomial = {}
+    if len(a) * len(b) > 4 * _MOST:
+        raise _TooLong
     for m, c in a.items():
+        part: Polynomial = {}
         for n, d in b.items():
-            powers = Counter(dict(m))
-            powers.update(dict(n))
-            key = tuple(sorted(powers.items()))
-            total[key] = total.get(key, Fraction(0)) + c * d
-        _checked(total)
-    return {m: c for m, c in total.items() if c}
+            powers = dict(m)
+            for atom, power in n:
+                powers[atom] = powers.get(atom, 0) + power
+            part[tuple(sorted(powers.items()))] = c * d
+        total = _sum(total, part, 1)
+    return total
 
 
 def _checked(polynomial: Polynomial) -> Polynomial:
@@ -197,7 +203,7 @@ def _without_squares(polynomial: Polynomial, s: int, c: int) -> Polynomial:
         half, odd = divmod(powers.pop(s, 0), 2)
         if odd:
             powers[s] = 1
-        square: Polynomial = {(): Fraction(1), ((c, 2),): Fraction(-1)}
+        square: Polynomial = {(): 1.0, ((c, 2),): -1.0}
         part: Polynomial = {tuple(sorted(powers.items())): coefficient}
         for _ in range(half):
             part = _product(part, square)

@@ -25,24 +25,25 @@ def balls(rng, n=60):
     return field, bounce, np.stack([floor + h, v], axis=-1), (floor, g, e, h, v)
 
 
-@pytest.mark.parametrize("stiff", [None, True])
-def test_balls_rest_on_floors_anywhere(rng, stiff):
+@pytest.mark.parametrize(("rtol", "stiff"), [(1e-6, None), (1e-11, None), (1e-11, True)])
+def test_balls_rest_on_floors_anywhere(rng, rtol, stiff):
     """Among heights that are rounding; one of 60 is so high that it ends there, the others rest.
 
-    Gravity and reaction cancel with a rounding error; T**2 / 2 times that would be 1e-4.
+    Gravity and reaction cancel with a rounding error; T**2 / 2 times that would be 1e-4. Heights at
+    rest are those of the floors, to the last digit.
     """
     ball, bounce, starts, (floor, g, e, h, v) = balls(rng)
     speed = np.sqrt(v * v + 2 * g * h)
     first = (v + speed) / g
     right = first + 2 * speed * e / g / (1 - e)
     assert right.max() < 1e5
-    motion = flow(ball, starts, time=1e6, events=bounce, rtol=1e-11, stiff=stiff)
+    motion = flow(ball, starts, time=1e6, events=bounce, rtol=rtol, stiff=stiff)
     ends = motion.status == Status.ACCUMULATES
     assert (ends | motion.ok).all()
     assert ends.sum() <= 1
-    allowed = 1e-9 + 1e-7 * np.sqrt(abs(floor) / h) / (1 - e) * first / right
+    allowed = max(1e-9, rtol) + 1e-7 * np.sqrt(abs(floor) / h) / (1 - e) * first / right
     assert (abs(motion.end / right - 1) < allowed)[ends].all()
-    allowed = np.stack([1e-15 * abs(floor) + 1e-13 * h, 1e-13 * g], axis=-1)
+    allowed = np.stack([0.0 * g + 1e-20, 1e-13 * g], axis=-1)
     rest = np.stack([floor, 0.0 * floor], axis=-1)
     assert (abs(motion.final - rest) <= allowed)[motion.ok].all()
 
@@ -238,10 +239,7 @@ def test_balls_without_restitution_stay_above_tables_that_throw_them(rng):
 
 @pytest.mark.parametrize("stiff", [None, True])
 def test_no_hop_on_a_table_hides_a_hit(rng, stiff):
-    """Until its next hit or its rest each ball is on a parabola, which is above the table.
-
-    One of 13,000 hits is missed: the step after a hop may be short, and the next one long.
-    """
+    """Until its next hit or its rest each ball is on a parabola, which is above the table."""
     n = 300
     A = rng.uniform(1.1, 4.0, n)
     ball, hit = on_a_table(A, 0.3)
@@ -255,7 +253,20 @@ def test_no_hop_on_a_table_hides_a_hit(rng, stiff):
     (h, v, t), A = hits.states[k].T, A[hits.trajectory[k]]
     since = np.linspace(0.0, 1.0, 200)[:, np.newaxis] * (hits.time[k + 1] - hits.time[k])
     gap = h + v * since - since**2 / 2 - A * np.sin(t + since)
-    assert (gap.min(axis=0) < -1e-10).sum() <= 1
+    assert gap.min() > -1e-10
+
+
+def test_a_hop_after_a_step_of_a_few_last_digits():
+    """A step ends 4e-15 before the hit at 3.546; the hop then lasts .003, a step .018."""
+    A, w, e = 0.021406417413854108, 35.49792234906192, 0.06974233400779069
+    ball = Field(lambda s: (s[1], -9.81, 1.0), "h v t")
+    hit = Event(
+        lambda s: s[0] - A * np.sin(w * s[2]), direction=-1,
+        to=lambda s: (s[0], (1 + e) * A * w * np.cos(w * s[2]) - e * s[1], s[2]),
+    )  # fmt: skip
+    times = np.linspace(0.0, 12.0, 1201)
+    motion = flow(ball, [0.3976028986374855, -0.04109291800862082, 0.0], time=times, events=hit)
+    assert (motion["h"] - A * np.sin(w * times)).min() > -1e-10
 
 
 @pytest.mark.parametrize("T", [0.02, 0.1, 1.0, 2.0, 5.0])

@@ -15,6 +15,8 @@ from ..expressions.values import larger, smaller
 from ..hybrid.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
 from ..llvm.text import Carried, Integers, Shared
 from . import branch_choice
+from .codegen import larger_of
+from .event_location import AFTER_THIS
 from .event_records import record
 from .growing_components import RAISED
 from .memory import LaneState
@@ -28,7 +30,10 @@ ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
 LOW = 2.0**-44  # a sum below LOW times the sum of the moduli of its terms is rounding
 SOON = 2.0**-20  # ds/dt decides no side if s changes only by rounding in SOON * last time
 LEAST = 2.0**-1074  # the least positive number
-MOMENT = 2.0**-16  # part of the last step: ds/dt after events is compared with ds/dt so much later
+# ds/dt after events is compared with ds/dt a moment later: MOMENT times the last step, or if this
+# step was cut to less than OF_NEXT times the next one, of that length. After a step of 4e-15 the
+# change of ds/dt was rounding, and a hop was not seen.
+MOMENT, OF_NEXT = 2.0**-16, 1.0 / AFTER_THIS
 STAYS = 0.25  # a mark in the row `side` (else 0, 1 or `GAP`): the state stays on the surface
 FASTER = 4.0  # the next step may be cut if an action makes f more than FASTER times as large
 
@@ -159,7 +164,7 @@ def CROSSED(
 
 @scalar_kernel
 def AGAIN(
-    fired, near, rate_before, value, rate, size, rate_size, later, taken, t, wanted, acted_at,
+    fired, near, rate_before, value, rate, size, rate_size, later, moment, t, wanted, acted_at,
     pause, more, limit, hop, sign, rests,
 ):  # fmt: skip
     """Return `more` > 0 if actions at s = 0 follow one another at once, and when they accumulate.
@@ -180,7 +185,7 @@ def AGAIN(
     bends = (abs(change) > ROUNDING * rate_size) & (turn * change < 0.0)
     returns = is_on & bends & (stays | (turn * rate > 0.0))
     comes_back = returns & (abs(rate) < abs(rate_before))
-    parabola = (abs(rate) + abs(rate)) * (MOMENT * taken / abs(change))
+    parabola = (abs(rate) + abs(rate)) * (moment / abs(change))
     rests = rests > 0.0
     away = (comes_back & ~rests).select(parabola, gap)
     of_terms = LOW * (size + rate_size * now)  # rounding errors of s at times near t
@@ -315,13 +320,15 @@ def _look_at_end(code):
 
 
 def _look_a_moment_later(code):
-    """Write what `_look` finds at surfaces, MOMENT * step length after the step, to row `ahead`."""
+    """Write what `_look` finds at surfaces a moment after the step to `ahead`; return this time."""
     work = code.work
-    signed = code.number("sign") * (MOMENT * work.taken[0])
+    moment = MOMENT * larger_of(work.taken[0], OF_NEXT * code.line.wanted[0])
+    signed = code.number("sign") * moment
     for i in code.text.each(code.D):
         work.start[i] = work.new[i] + signed * work.f_new[i]
     code.call("f", work.start, code.table, work.f)
     _look(code, work.start, work.f, work.ahead)
+    return moment
 
 
 def _at_surface(rows, k):
@@ -381,7 +388,7 @@ def _act_at_surfaces(code, is_there, by_motion, again):
                 _cross(code, k, few, by_motion & work.actions_now[0].equals(0.0))
             now.goes_on = (work.actions_now[0] > before).any()
     again.resting = 0.0
-    _look_a_moment_later(code)
+    moment = _look_a_moment_later(code)
     for k in text.each(events.surfaces, again):
         side, level, place, fired = code.line.side, code.line.side.after(1), k * 2, work.fired[k]
         found = _with_touching_side(code, k, side[place], level[place], fired)
@@ -392,6 +399,7 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         given["holds"] = text.constants([*map(float, events.holds)])[k]
         level[place] = code.apply(LEVEL_AFTER_ACTION, **numbers, **given)["level"]
         inputs = numbers | {"later": _at_surface(work.ahead, k)["rate"]}
+        inputs["moment"] = moment
         inputs["rests"] = text.constants([*map(float, events.rests)])[k]
         so_far = {name: getattr(again, name) for name in ("more", "limit", "hop")}
         found = code.apply(AGAIN, k, **inputs, **so_far)

@@ -44,6 +44,8 @@ class Contact:
     to            operands (D) of the state after the action
     direction     `EventAction.direction`
     constraint    the `Constraint` of a body at rest: d2s/dt2 = 0
+    landing       the `Constraint` that moves a body that comes to rest onto s = 0, along the
+                  gradient of s without clocks; sub-steps lose a pull back by a few last digits
     bend, square  d2s/dt2 of the free body, and the sum of the squares of the terms of d2s/dt2
     rounding      the sum of the squares of ds/dx_i x_i: relative errors of x_i change s by a part
                   of its root
@@ -64,6 +66,8 @@ class Contact:
             moved = [values.dot(row, n).number for row in rows]
             direction = [*map(values.difference, n, moved)]
         self.constraint = Constraint(values.number(mode) < 0.5, normal, direction)
+        way = [gradient.get(i, 0.0) if not values.is_fixed(a) else 0.0 for i, a in enumerate(f)]
+        self.landing = Constraint(self.constraint.holds, gradient, values.tangent(way))
         self.bend = values.dot(normal, f)
         terms = [values.number(a) * values.number(f[i]) for i, a in normal.items()]
         self.square = joined("fadd", [a * a for a in terms] or [values.number(0.0)])
@@ -80,6 +84,7 @@ class Contacts:
     After the modes, the state has T / (1 + T), where T is the last requested time, and the time.
 
     reactions  {number of an event: minus d2s/dt2 if this contact had no reaction}
+    landed     operands (D) of the state, with s = 0 where a body rests
     stopped    operands (D) of the state, with ds/dt = 0 where a body rests
     """
 
@@ -94,6 +99,9 @@ class Contacts:
         self.reactions = {k: factors[c.mode] * matrix[c.mode, c.mode] for k, c in contacts.items()}
         changes = {c.mode: -c.rate for c in contacts.values()}
         self.stopped = values.with_forces(range(values.D), self.constraints, changes)[0]
+        landings = {c.mode: c.landing for c in contacts.values()}
+        changes = {c.mode: -c.s for c in contacts.values()}
+        self.landed = values.with_forces(range(values.D), landings, changes)[0]
 
     def with_pull(self, f):
         """Return rates f (D) with a pull back to s = 0 at rest, because errors of s would grow."""
@@ -129,7 +137,9 @@ class Contacts:
         return surface.number, [*x, *self.values.modes]
 
     def decided(self, x, leaving=None):
-        """Return the state x (operands) with modes of contacts, and no speed where bodies rest.
+        """Return the state x (operands) with modes of contacts; bodies at rest are on s = 0.
+
+        They have no speed.
 
         A body on its surface rests if its next bounce is below rounding errors, and if its reaction
         does not pull. At event `leaving`, the body that rests there is set free.
@@ -167,7 +177,7 @@ class Contacts:
             mode = number(x[c.mode])
             leaves = (mode < -0.5).select(-reaction, reaction) <= 0.0
             x[c.mode] = leaves.select(1.0, mode).number
-        stopped = values.at(x, self.stopped)[0]
-        for i, a in enumerate(self.stopped):
-            x[i] = x[i] if same(a, i) else stopped[i].number
+        for wanted in (self.landed, self.stopped):
+            found = values.at(x, wanted)[0]
+            x[: values.D] = [x[i] if same(a, i) else found[i].number for i, a in enumerate(wanted)]
         return x

@@ -63,7 +63,8 @@ def pytest_collection_modifyitems(config, items):
         if settings.DISABLE_JIT and item.get_closest_marker("compiled"):
             reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"
             item.add_marker(pytest.mark.skip(reason=reason))
-        if item.get_closest_marker("slow_to_compile") and not settings.DISABLE_JIT:
+        slow = item.get_closest_marker("slow_to_compile")
+        if slow and not settings.DISABLE_JIT and item.name not in slow.kwargs.get("but", ()):
             item.add_marker("slow")
     for some in cases.values():
         count = some[0].get_closest_marker("sampled").args[0]

@@ -12,8 +12,14 @@ import suslov_fast as sf
 from suslov_fast import Event, Field, compiled
 from suslov_fast.compiled import step_system, system, with_parameters, with_time, work
 
+# Some of each kind are compiled in the ordinary suite, too.
+FAST = (
+    "test_has_the_bits_of_flow[others0-smooth]",
+    "test_has_the_bits_of_flow[others0-bounces]",
+    "test_refuses_the_memory_of_another_system",
+)
 pytestmark = [
-    pytest.mark.slow_to_compile,
+    pytest.mark.slow_to_compile(but=FAST),
     pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning"),
 ]
 

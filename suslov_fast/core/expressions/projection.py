@@ -29,6 +29,7 @@ SMALLEST = 2.0**-20
 # States are on the constraints if residuals are at most OFF times the sums of moduli of their
 # terms, or ROUNDING times the largest of these sums.
 OFF, ROUNDING = 1e-7, 1e-13
+CANCELLED = 2.0**-40  # components that constraints keep at 0 are 0, not what rounding leaves
 # In a step A may fall to a part 1 / (1 + FALL), and the distance to a state where it loses rank
 # must stay above NEAR allowed errors.
 FALL, NEAR = 2.0, 8.0
@@ -161,7 +162,9 @@ def projection_of(f):
         r, J = formulas.at(x, rows, moving)
         w = formulas.weights({j for row in J for j in row})
         parts = formulas.moves(r, J, {j: a.number for j, a in w.items()})
-        x = [(number(a) - parts[j] * w[j]).number if j in w else a for j, a in enumerate(x)]
+        for j, part in parts.items():
+            new = number(x[j]) - part * w[j]
+            x[j] = (abs(new) > CANCELLED * abs(number(x[j]))).select(new, 0.0).number
     if k > f.constraints_count:
         values, J = formulas.at(x, range(k), range(D))
         r = [formulas.values.emit("fsub", a, 2 * D + n) for n, a in enumerate(values)]

@@ -5,10 +5,13 @@ them, with options of pytest. Processors differ in the last digits of NumPy, LAP
 what Numba compiles for. Needs Linux and pytest-random-order.
 
 OpenBLAS runs only kernels that this processor has, so "other-digits" changes the last digits of
-what LAPACK returns, on any processor. Numba compiles for the instructions of this processor, unless
-NUMBA_CPU_FEATURES says otherwise; the number of lanes follows from them.
+what LAPACK returns, on any processor. Of OpenBLAS's kernels SkylakeX's alone, which need AVX-512,
+have other last digits than the rest. Numba compiles for the instructions of this processor, unless
+NUMBA_CPU_FEATURES says otherwise; the number of lanes follows from them. Each run begins with a
+line of what it found: Numba's processor and lanes, NumPy's instructions, OpenBLAS's kernels.
 """
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -31,30 +34,38 @@ def features(*without):
 
 
 AVX2 = features("avx512", "avx10", "amx", "evex512", "sse4a", "xop", "fma4")
+OF_AVX2 = {"NPY_DISABLE_CPU_FEATURES": NO_AVX512, "NUMBA_CPU_FEATURES": AVX2}
+SKYLAKE = {"OPENBLAS_CORETYPE": "SkylakeX", "OPENBLAS_L2_SIZE": "1024"}
 # The variables of the environment.
 MACHINES = {
     "numpy-avx2": {"NPY_DISABLE_CPU_FEATURES": NO_AVX512},
     "numpy-sse": {"NPY_DISABLE_CPU_FEATURES": f"X86_V3,{NO_AVX512}"},
     "blas-nehalem": {"OPENBLAS_CORETYPE": "Nehalem"},
     "blas-haswell": {"OPENBLAS_CORETYPE": "Haswell"},
+    "blas-skylake": SKYLAKE,
     "libm-sse": {"GLIBC_TUNABLES": NO_FMA},
-    "generic": {"NUMBA_CPU_NAME": "generic"},
-    "haswell": {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": AVX2},
-    "znver3": {
-        "OPENBLAS_CORETYPE": "Zen",
-        "NUMBA_CPU_NAME": "znver3",
-        "NUMBA_CPU_FEATURES": AVX2,
-    },
+    "generic": {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
+    "haswell": {"OPENBLAS_CORETYPE": "Haswell", "NUMBA_CPU_NAME": "haswell", **OF_AVX2},
+    "znver3": {"OPENBLAS_CORETYPE": "Zen", "NUMBA_CPU_NAME": "znver3", **OF_AVX2},
     "skylake": {
-        "OPENBLAS_CORETYPE": "SkylakeX",
         "NUMBA_CPU_NAME": "skylake-avx512",
         "NUMBA_CPU_FEATURES": features("amx", "avx10"),
+        **SKYLAKE,
     },
-    "no-fma": {"OPENBLAS_CORETYPE": "Sandybridge", "NUMBA_CPU_FEATURES": features("fma")},
+    "no-fma": {
+        "OPENBLAS_CORETYPE": "Sandybridge",
+        "NUMBA_CPU_NAME": "sandybridge",
+        "NUMBA_CPU_FEATURES": features("fma", "avx2", "avx512", "avx10", "amx", "evex512", "bmi"),
+        "NPY_DISABLE_CPU_FEATURES": f"X86_V3,{NO_AVX512}",
+    },
     "one-thread": {"NUMBA_NUM_THREADS": "1"},
     "kathmandu": {"PYTHONHASHSEED": "12345", "TZ": "Asia/Kathmandu", "LC_ALL": "C"},
     "avx2-haswell": {"NPY_DISABLE_CPU_FEATURES": NO_AVX512, "OPENBLAS_CORETYPE": "Haswell"},
-    "sse-generic": {"GLIBC_TUNABLES": NO_FMA, "NUMBA_CPU_NAME": "generic"},
+    "sse-generic": {
+        "GLIBC_TUNABLES": NO_FMA,
+        "NUMBA_CPU_NAME": "generic",
+        "NUMBA_CPU_FEATURES": "",
+    },
     "one-nehalem": {"NUMBA_NUM_THREADS": "1", "OPENBLAS_CORETYPE": "Nehalem"},
 }
 # The commands. The head of the report has the seed: `--random-order-seed` repeats the order.
@@ -68,8 +79,30 @@ WAYS = {name: [SUITE] for name in MACHINES} | {
 }
 
 
+def facts():
+    """Return what this process finds: Numba's processor, NumPy's instructions, OpenBLAS's name."""
+    import numpy as np
+    from numba.core.registry import cpu_target
+    from numpy._core._multiarray_umath import __cpu_features__ as found
+
+    from suslov_fast.core.llvm.compiler import numbers_in_register
+
+    codegen = cpu_target.target_context.codegen()
+    processor = f"Numba {codegen._get_host_cpu_name()}, {numbers_in_register()} lanes"
+    levels = [name for name in ("X86_V2", "X86_V3", "X86_V4", "AVX512_ICL") if found.get(name)]
+    kernels = "unknown"
+    for path in Path(np.__file__).parents[1].glob("numpy.libs/*openblas*"):
+        name = ctypes.CDLL(str(path)).scipy_openblas_get_corename64_
+        name.restype = ctypes.c_char_p
+        kernels = name().decode()
+    return f"{processor}; NumPy {' '.join(levels) or 'baseline'}; OpenBLAS {kernels}"
+
+
 def main():
     """Run the machines that are named first, or all; return those that fail."""
+    if sys.argv[1:] == ["facts"]:
+        print(facts())
+        return None
     names, options = [], sys.argv[1:]
     while options and options[0] in WAYS:
         names.append(options.pop(0))
@@ -78,11 +111,12 @@ def main():
     if not names:
         names = [*WAYS]
         if not HERE.get("avx512f"):
-            names.remove("skylake")  # this processor lacks the instructions
+            names = [name for name in names if "skylake" not in name]  # it lacks the instructions
     failed = {}
     for name in names:
         print(f"==== {name}", flush=True)
         environment = os.environ | MACHINES.get(name, {})
+        subprocess.run([sys.executable, __file__, "facts"], env=environment, check=False)
         for command in WAYS[name]:
             if subprocess.run([*command, *options], env=environment, check=False).returncode:
                 failed[name] = True

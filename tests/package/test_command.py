@@ -123,6 +123,12 @@ def test_a_run_of_equations(capsys):
     assert not plt.get_fignums()
 
 
+def test_the_figures_of_the_paper(capsys):
+    names = call("figures -o figures", capsys).splitlines()
+    assert names == [f"figures/figure{k}.png" for k in (1, 2, 3, 4)]
+    assert all(Path(name).read_bytes().startswith(b"\x89PNG") for name in names)
+
+
 @pytest.mark.filterwarnings("default")
 def test_a_run_that_fails_altogether(capsys):
     assert main("run --equations x'=x*x --x0 1 --time 3".split()) == 1

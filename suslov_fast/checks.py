@@ -128,6 +128,14 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
+def start_of(value: Any, time: Any) -> tuple[Any, Any]:
+    """Return states and the time at them; a motion goes on at its end, by default at its time."""
+    if not hasattr(value, "_last"):
+        return value, time
+    states, end = value._last
+    return states, end if time is None else time
+
+
 def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     """Return states (..., D) with the components `labels`; a state with any NaN becomes all NaN."""
     is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)

@@ -31,7 +31,7 @@ from .keywords import public
 from .maps.map_records import eps_of, map_of
 from .motions import motion_arguments
 from .motions.event import Event
-from .motions.events import actions_of, batch_of, checked_events, event_times_of
+from .motions.events import actions_of, batch_of, checked_events, clocked, event_times_of
 
 __all__ = ["end", "step", "step_system", "system", "with_parameters", "with_time", "work"]
 
@@ -81,8 +81,9 @@ def system(
     method : str
         As in :func:`suslov_fast.iterate`. A step of order 4, 6 or 8 counts as one step.
     time : float
-        Time of the motion, positive or negative, in place of `eps`. If f takes the time, the last
-        entry of states is t, because each step begins at another one; a complex variable has two.
+        Time of the motion, positive or negative, in place of `eps`. If f or an event reads the
+        time, the last entry of states is t, because each step begins at another one; a complex
+        variable has two entries.
     rtol, atol, max_step, stiff, events
         As in :func:`suslov_fast.flow`, only with `time`. With ``stiff=False`` half as much code is
         compiled.
@@ -115,8 +116,7 @@ def system(
     both = (0.0, 0) if time is None else (eps, None)
     others = {"method": method, **given._asdict(), "events": events, "derivatives": derivatives}
     if motion_arguments.either_map_or_motion("system", *both, time, **others):
-        settings = motion_arguments.checked_settings(body, *given)
-        return _motion(body, one_number("time", time), settings, events, derivatives)
+        return _motion(body, one_number("time", time), given, events, derivatives)
     step_size: Any = within("eps", real_number("eps", eps_of("system", body, eps)), MOMENTS)
     if shape := np.broadcast_shapes(body.shape, np.shape(step_size)):
         received = f"a batch of shape {shape}: loop over both"
@@ -131,24 +131,26 @@ def _not_pickled(_: MotionSystem) -> NoReturn:
 MotionSystem.__reduce__ = _not_pickled  # type: ignore[method-assign]
 
 
-def _motion(field: Any, time: float, settings: Any, events: Any, derivatives: Any) -> MotionSystem:
-    """Return the motion of a single field over a time."""
+def _motion(field: Any, time: float, given: Any, events: Any, derivatives: Any) -> MotionSystem:
+    """Return the motion of a single field over a time, with the `given` settings."""
     instance("system", field, Field)
     acting, sign = checked_events(events), -1 if time < 0.0 else 1
+    field = clocked(field, acting)
     if shape := field.shape + batch_of(acting):
         received = f"a batch of shape {shape}: make a system for each"
         raise wrong("system", "a single field, with events of the same times for all", received)
+    settings = motion_arguments.checked_settings(field, *given)
     names = motion_arguments.checked_derivatives(field, derivatives)
     by = tuple(name for name in names if name != "x0")
-    f, given = of_one(field, by if names else None, actions_of(field, acting))
+    f, inputs = of_one(field, by if names else None, actions_of(field, acting))
     if names:
         f = variational(f, field._layout.D * ("x0" in names) + len(by))
         if isinstance(settings.atol, tuple):
             settings = settings._replace(atol=settings.atol * (1 + f.columns))
     event_times = event_times_of(acting, sign, ()) if acting else None
-    parameters = given if f.is_dense else given[: len(field._inputs)]
+    parameters = inputs if f.is_dense else inputs[: len(field._inputs)]
     places = [field._coordinates.index(name) for name in by]
-    return motion_system_of(f, settings, event_times, given, parameters, time, places)
+    return motion_system_of(f, settings, event_times, inputs, parameters, time, places)
 
 
 @for_users

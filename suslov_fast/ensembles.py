@@ -20,7 +20,7 @@ import numpy as np
 
 from . import checks
 from .calls import Progress, reporter
-from .checks import Reals, common_shape, extra, warn, wrong
+from .checks import Reals, common_shape, extra, start_of, warn, wrong
 from .fields.base import Body
 from .keywords import public, refuse_unknown
 from .motions.events import checked_events
@@ -129,6 +129,8 @@ def ensemble(
     function: Any = iterate if time is None else flow
     refuse_unknown("ensemble", options, ensemble, function)
     of_function = _checked(system, eps, steps, time, options)
+    x0, t0 = start_of(x0, options.get("t0"))
+    options |= {} if t0 is None else {"t0": checks.real_number("t0", t0)}
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray
+from ..checks import FloatArray, first_index, spell, wrong
 from ..core.cached import cached_property
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import results_at
 from ..core.expressions.programs import Program, in_order
 from ..core.expressions.projection import test_of_start
 from .equations import Equations
+
+_SINGULAR = "a singular one{1}: leave out constraints that follow from others"
+_OFF = "off by {:.3g}{}: move states there by field.mechanics.projected(x0)"
 
 
 class Constraints:
@@ -84,10 +88,20 @@ def constraints_of(field: Any) -> Constraints | None:
     return _constraints_of(equations)
 
 
-def near_constraints(field: Any, x: FloatArray) -> FloatArray:
-    """Return states of the engine on the constraints near x (..., D); x where none is found."""
-    if constraints_of(field) is None:
-        return x
-    moved = field._projected(x)
-    residuals = np.isfinite(moved).all(axis=-1, keepdims=True)
-    return np.where(residuals, moved, x)
+def check_constraints(field: Any, x: FloatArray) -> None:
+    """Raise ValueError if states of the engine (..., D) violate constraints of mechanics."""
+    constraints = constraints_of(field)
+    if constraints is None or not (x.size and math.prod(field.shape)):
+        return
+    is_on, is_regular, errors = constraints.tested(x, field._inputs)
+    if is_on.all() and is_regular.all():
+        return
+    exists = np.isfinite(errors)
+    for is_good, need, how in (
+        (is_regular, "a state with independent constraints", _SINGULAR),
+        (is_on, "on the constraints", _OFF),
+    ):
+        if (is_bad := exists & (is_good == 0.0)).any():
+            where = first_index(is_bad)
+            at = f" at {spell(where)}" if where else ""
+            raise wrong("x0", need, how.format(errors[where], at))

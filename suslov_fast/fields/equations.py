@@ -96,19 +96,30 @@ class Equations:
         about: Any = self.H, self.K, self.ratios, quantities
         return Equations(self.names, self.parameters, self.values, self.results, *about)
 
-    @cached_property
+    @property
     def without_last(self) -> Equations:
         """The same equations without the last component, on which nothing else depends."""
-        D, count = len(self.names) - 1, len(self.names) + len(self.parameters) - 1
-        old, rows = in_order(self.products[0], [*self.products[1][:D], *self._others])
-        new = {k: k - (k > D) for k in range(count + 1)}
-        values = Expressions(count, range(D, count))
+        return self._with_names(self.names[:-1])
+
+    def with_time(self, name: str) -> Equations:
+        """The same equations with a component more, the last one, which has the rate 1."""
+        return self._with_names((*self.names, name), 1.0)
+
+    def _with_names(self, names: tuple[str, ...], *rate: float) -> Equations:
+        """The equations of these components, which are one more, or one less; H is a quantity."""
+        D, before, P = len(names), len(self.names), len(self.parameters)
+        sizes = self.sizes | ({} if self.H is None else {"energy": 1})
+        others = [*self._others, *([] if self.H is None else [self.H])]
+        kept = min(D, before)
+        old, rows = in_order(self.products[0], [*self.products[1][:kept], *others])
+        new = {k: k for k in range(kept)} | {before + p: D + p for p in range(P)}
+        values = Expressions(D + P, range(D, D + P))
         rows = emitted(values, Program(old.operations, rows), new)
         values.take_written(old, new)
-        rest = iter(rows[D:])
-        kept = {name: [next(rest) for _ in range(size)] for name, size in self.sizes.items()}
-        about: Any = {"ratios": self.ratios, "quantities": kept}
-        return Equations(self.names[:D], self.parameters, values, rows[:D], **about)
+        rest = iter(rows[kept:])
+        quantities = {name: [next(rest) for _ in range(size)] for name, size in sizes.items()}
+        about: Any = {"ratios": self.ratios, "quantities": quantities, "positions": self.positions}
+        return Equations(names, self.parameters, values, [*rows[:kept], *rate], **about)
 
     @property
     def all_names(self) -> tuple[str, ...]:

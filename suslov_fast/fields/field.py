@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import checks
-from ..checks import FloatArray, arguments_of, common_shape, short, wrong
+from ..checks import FloatArray, arguments_of, short, wrong
 from ..core.cached import cached_property
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
@@ -20,12 +20,22 @@ from .equations import Equations, check_equalities, of_hamiltonian
 from .exact_numbers import from_text, named_parameters, to_lists
 from .layout import layout_of, layout_read, split_values
 from .mass import check_both, rates
+from .mechanics import Mechanics
 from .names import TIME, check_for_map, laid_out, variables
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
 from .symbols import NotReal
 from .terms import Terms, texts_of, without_zeros
-from .traced import EQUATIONS, INDICES, LAYOUT, VALUES, Traced, operands_of_texts, parts_of
+from .traced import (
+    EQUATIONS,
+    INDICES,
+    LAYOUT,
+    VALUES,
+    Traced,
+    operands_of_texts,
+    parts_of,
+    settled,
+)
 from .tracer import Tracer
 from .user_function import UserFunction, check_callable
 
@@ -225,12 +235,13 @@ class Field(Traced):
 
         They are the equations of Lagrange and d'Alembert, d/dt L_v - L_q = Q + A^T lambda, where
         the multipliers lambda hold the constraints, and A has their derivatives with respect to v.
-        The state has all coordinates q, then all velocities v, then time t if a function takes it.
+        The state has all coordinates q, then all velocities v. If a function takes time t, states
+        do not contain it: `t0` of :func:`flow` is the time at x0.
 
         Parameters
         ----------
         L : callable
-            Takes q and v, arrays of n symbols, then t if L depends on time, and parameters by
+            Takes q and v, arrays of n symbols, then t if it depends on time, and parameters by
             name; returns kinetic minus potential energy.
         coordinates, velocities : str or sequence of str
             Names of the n coordinates, and of the velocities; by default "vx vy" for "x y".
@@ -238,8 +249,8 @@ class Field(Traced):
             Takes the arguments of L, and returns k expressions that are 0 along the motion. One
             without v is holonomic. The others are usually linear in v; if not, reactions follow
             Chetaev's rule. Initial states must satisfy all of them, also the derivatives of
-            holonomic ones: `projected` moves a state there. Each step of a motion keeps all
-            constraints to rounding.
+            holonomic ones: `mechanics.projected` moves a state there. Each step of a motion keeps
+            all constraints to rounding.
         forces : callable, optional
             The n generalised forces Q.
         frame : callable, optional
@@ -256,8 +267,8 @@ class Field(Traced):
         Returns
         -------
         Field
-            Its methods `energy`, `momenta`, `residuals`, `multipliers`, `reactions` and `projected`
-            take states.
+            Its method `energy` takes states, as do `momenta`, `residuals`, `multipliers`,
+            `reactions` and `projected` of its attribute `mechanics`.
 
         Raises
         ------
@@ -413,13 +424,17 @@ class Field(Traced):
         return full or super()._with_table
 
     @public
-    def energy(self, x: Any) -> FloatArray:
-        """Return the energy H(x) of a field that :meth:`from_hamiltonian` made.
+    def energy(self, x: Any, *, t: Any = None) -> FloatArray:
+        """Return the energy of a field from :meth:`from_hamiltonian` or :meth:`from_lagrangian`.
+
+        It is H(x), or v L_v - L, Jacobi's integral if L does not depend on time.
 
         Parameters
         ----------
         x : array_like(float, shape=(..., D))
             States, which broadcast with the batch of the field.
+        t : array_like(float, shape=(...)), optional
+            The time, by default 0, if L depends on it.
 
         Returns
         -------
@@ -439,13 +454,13 @@ class Field(Traced):
         """
         equations: Any = self._equations
         if equations is not None and "energy" in equations.sizes:
-            return self._quantity("energy", x)[..., 0]
+            return Mechanics(self).at("energy", self._layout.enter("x", x, t, "t"))[..., 0]
         if not self._is_hamiltonian:
             raise TypeError(
                 "system: this field has no Hamiltonian: make it by Field.from_hamiltonian, or for "
                 "that of another field call another.energy(run.states)"
             )
-        x = self._layout.enter("x", x)
+        x = self._layout.enter("x", x, t, "t")
         shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
         energies = equations.energy(np.moveaxis(x, -1, 0), self._inputs)
         return np.broadcast_to(energies, shape) + 0.0 * x.sum(axis=-1)  # NaN for states with NaN
@@ -472,63 +487,12 @@ class Field(Traced):
         Field(x' = -x)
         """
         layout, equations = subsystem(self, variables(names), held)
-        return type(self)._of({**self.parameters, LAYOUT: layout, EQUATIONS: equations})
+        return type(self)._of({**self.parameters, **settled(layout, equations)})
 
-    def _quantity(self, name: str, x: Any) -> FloatArray:
-        """Return values (..., n) of a quantity of mechanics at states x."""
-        if self._equations is None or name not in self._equations.sizes:
-            how = "Field.from_lagrangian(L, names, constraints=...) makes one"
-            raise TypeError(f"system: this field has no {name}: {how}")
-        return self._quantity_at(name, self._layout.enter("x", x))
-
-    def _quantity_at(self, name: str, x: FloatArray) -> FloatArray:
-        """Return values (..., n) of a quantity of mechanics at states of the engine."""
-        shape = np.broadcast_shapes(x.shape[:-1], self._inputs.shape[1:])
-        operands = self._equations.quantities[name]
-        rows = self._equations.at(operands, np.moveaxis(x, -1, 0), self._inputs)
-        zero = 0.0 * x.sum(axis=-1)  # NaN for states with NaN
-        return np.stack([np.broadcast_to(row, shape) + zero for row in rows], axis=-1)
-
-    @public
-    def momenta(self, x: Any) -> FloatArray:
-        """Return the momenta L_v (..., n) of a field from :meth:`from_lagrangian` at states x."""
-        return self._quantity("momenta", x)
-
-    @public
-    def residuals(self, x: Any) -> FloatArray:
-        """Return phi of all constraints, then g of holonomic ones, (..., k) at states x."""
-        return self._quantity("residuals", x)
-
-    @public
-    def multipliers(self, x: Any) -> FloatArray:
-        """Return the multipliers lambda (..., k) of the constraints at states x."""
-        return self._quantity("multipliers", x)
-
-    @public
-    def reactions(self, x: Any) -> FloatArray:
-        """Return the forces of reaction A^T lambda (..., n) along all coordinates at states x."""
-        return self._quantity("reactions", x)
-
-    @public
-    def projected(self, x: Any, steps: int = 8) -> FloatArray:
-        """Return states on the constraints, near the states x in the metric of the masses."""
-        self._quantity("residuals", x)  # raises if there are none
-        x = self._layout.enter("x", x)
-        batch = common_shape({"system": self.shape, "x": x.shape[:-1]})
-        moved = self._projected(np.broadcast_to(x, (*batch, self._layout.D)), steps)
-        projected: FloatArray = self._layout.leave(moved)
-        return projected
-
-    def _projected(self, x: FloatArray, steps: int = 8) -> FloatArray:
-        """Return states of the engine on the constraints, near x in the metric of the masses."""
-        x, sizes = np.array(x), self._equations.sizes
-        n, m = sizes["momenta"], sizes["corrections"]
-        has_positions = sizes["residuals"] > sizes["multipliers"]
-        q = m - n
-        for _ in range(steps if has_positions else 0):
-            x[..., :q] += self._quantity_at("corrections", x)[..., :q]
-        x[..., q:m] += self._quantity_at("corrections", x)[..., q:]
-        return x
+    @property
+    def mechanics(self) -> Mechanics:
+        """Momenta, multipliers, reactions, residuals of a field from :meth:`from_lagrangian`."""
+        return Mechanics.of(self)
 
     @public
     def conserving(self, *integrals: Callable[..., Any]) -> Field:
@@ -563,8 +527,8 @@ class Field(Traced):
         """
         if self._equations is None:
             raise TypeError("system: write f as a function, so that it can keep integrals")
-        equations = invariants.conserving(self, integrals)
-        return type(self)._of({**self.parameters, LAYOUT: self._layout, EQUATIONS: equations})
+        layout, equations = invariants.conserving(self, integrals)
+        return type(self)._of({**self.parameters, LAYOUT: layout, EQUATIONS: equations})
 
     @property
     def _is_hamiltonian(self) -> bool:
@@ -572,24 +536,29 @@ class Field(Traced):
 
     # ------------------------------------------------------------------------------ motion
     @property
-    def _is_forced(self) -> bool:
-        """True if f, or an integral that the field keeps, reads the hidden time."""
-        return self._layout.has_time and self._equations.read_last
-
-    @cached_property
     def _autonomous(self) -> Field:
-        """The field without a hidden time, and integrals that read it; TypeError if f reads it."""
-        if not self._layout.has_time:
+        """The field without integrals that read the hidden time; TypeError if f reads it."""
+        if self._layout.clock is None:
             return self
-        equations = self._equations
-        if self._is_forced:
-            equations = equations.with_timeless_integrals
+        equations = self._equations.with_timeless_integrals
         if equations.read_last:
             how = "one that does: periodic_orbit follows a force; for others make t a variable, "
             how += "Field(lambda s: (*f(s[-1], s[:-1]), 1.0), names)"
             raise wrong("system", "one whose f does not read the time", how, TypeError)
-        layout = layout_of(self._layout.parts)
-        return Field._of({**self._parts, LAYOUT: layout, EQUATIONS: equations.without_last})
+        return Field._of({**self._parts, **settled(self._layout, equations)})
+
+    @cached_property
+    def _timed(self) -> Field:
+        """The field with a hidden time, for functions that read it, unless it is a variable."""
+        layout = self._layout.timed
+        if layout is self._layout or layout.time_variable:
+            return self
+        parts, terms = self._parts, self._program.parameters
+        if self._equations is None:
+            values = self._own_terms.floats.values
+            parts = {name: values[..., k] for k, name in enumerate(terms)}
+        equations = self._program.with_time(layout.components[-1])
+        return Field._of({**parts, LAYOUT: layout, EQUATIONS: equations})
 
     def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""

@@ -12,17 +12,29 @@ from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import in_order, program_of
 from .equations import Equations
+from .layout import Layout
+from .mechanics import Mechanics
 from .tracer import Tracer
 from .user_function import UserFunction
 
 _SAMPLES, _LEAST = 24, 1e-9  # random states; the largest dI/dt of first integrals, of its terms
 
 
-def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations:
+def conserving(field: Any, given: Sequence[Callable[..., Any]]) -> tuple[Layout, Equations]:
     """Return the equations of a field with first integrals, by default the energy.
 
-    Integrals that the field keeps already stay. Equal formulas count once.
+    Integrals that the field keeps already stay. Equal formulas count once. If an integral reads the
+    time, and f does not, the layout has a hidden time.
     """
+    functions = [UserFunction("integrals", f, field.parameters) for f in given]
+    if field._timed is not field and any(f.has_time for f in functions):
+        equations = _conserving(field._timed, functions)
+        if equations.read_last:
+            return field._timed._layout, equations
+    return field._layout, _conserving(field, functions)
+
+
+def _conserving(field: Any, functions: Sequence[Any]) -> Equations:
     old, D = field._equations, field._layout.D
     quantities = {name: of for name, of in old.quantities.items() if name != "conserved"}
     others = [a for of in quantities.values() for a in of]
@@ -36,7 +48,7 @@ def conserving(field: Any, functions: Sequence[Callable[..., Any]]) -> Equations
     if functions:
         integrals = []
         for f in functions:
-            integrals += UserFunction("integrals", f, field.parameters).formulas(tracer)
+            integrals += f.formulas(tracer)
     elif not integrals:
         raise TypeError("integrals: pass functions of the state: this field has no energy")
     _check(field, values, operands[:D], integrals)
@@ -60,7 +72,7 @@ def _check(field: Any, values: Any, rates: Sequence[Any], integrals: Sequence[An
             single = field._with_parts(
                 field._parts | {n: float(np.ravel(a)[0]) for n, a in field.parameters.items()}
             )
-            x = single._projected(x)
+            x = Mechanics(single).near(x)
         x = x.T
         numbers: dict[Any, Any] = dict(enumerate([*x, *given]))
         evaluate(values.operations, numbers)

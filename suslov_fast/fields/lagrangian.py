@@ -21,9 +21,8 @@ from ..checks import arguments_of, short, wrong
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
-from .layout import layout_of
 from .mass import Samples, is_zero, less, product_of, solved, sum_of
-from .names import TIME, variables
+from .names import TIME, variables, with_time
 from .symbols import Symbol, Symbols
 from .tracer import Tracer
 from .trigonometry import shorter
@@ -60,9 +59,9 @@ def names_of(coordinates: Any, velocities: Any, has_frame: bool) -> tuple[tuple[
 
 
 class _Functions:
-    """Calls of L, constraints, forces and the frame with symbols of the state (q, u) or (q, u, t).
+    """Calls of L, constraints, forces and the frame with symbols of the state (q, u), and of t.
 
-    flows    q' and, if a function takes time t, 1: the rates of the variables `places`
+    flows    q' and, if a function takes time t, 1: the rates of the components `places`
     """
 
     def __init__(self, q: Sequence[str], u: Sequence[str], functions: Any, values: Any) -> None:
@@ -77,12 +76,13 @@ class _Functions:
                 raise wrong(name, _FUNCTION, f"one of {arguments_of(f)}: {how}", TypeError)
         if idle := [p for p in values if not any(p in uses for uses in self.uses.values())]:
             raise TypeError(f"from_lagrangian: no function has the parameter {idle[0]!r}")
-        clock = ("t",) * any(TIME & {*uses} for uses in self.uses.values())
+        takes_time = any(TIME & {*uses} for uses in self.uses.values())
         self.n, self.m = len(q), len(u)
-        self.tracer = Tracer(layout_of(variables((*q, *u, *clock))), [*values])
-        self.places = [*range(self.n), *([self.n + self.m] if clock else [])]
+        layout = with_time(variables((*q, *u)), takes_time)
+        self.tracer = Tracer(layout, [*values])
+        self.places = [*range(self.n), *range(layout.size, layout.D)]
         frame = self.symbols("frame", self.n) if "frame" in self.given else self.velocities
-        self.flows = np.array([*frame, *[1.0] * len(clock)], object)
+        self.flows = np.array(layout.completed(frame, 1.0), object)
 
     @property
     def velocities(self) -> Any:
@@ -95,7 +95,7 @@ class _Functions:
         f, n = self.given[name], self.n
 
         def of_state(x: Any, **values: Any) -> Any:
-            values |= dict.fromkeys(TIME, x[-1])
+            values |= dict.fromkeys(TIME, self.tracer.time)
             own = {each: values[each] for each in self.uses[name]}
             return f(x[:n], x[n : n + self.m], **own)
 
@@ -158,8 +158,9 @@ def of_lagrangian(
         move, _ = elimination.solution(0.0 * r, shift)
         change, _ = elimination.solution(0.0 * r, -phi)
         B = slopes(tracer, flows[:n], of_u)
+        state = _array(tracer, range(tracer.D))
         residuals = np.concatenate([phi, g])
-        terms = slopes(tracer, residuals, range(tracer.D)) * tracer.state
+        terms = slopes(tracer, residuals, range(tracer.D)) * state
         quantities |= {
             "residuals": residuals,
             "multipliers": -multipliers,

@@ -3,6 +3,7 @@
 The engine computes with real numbers only, and has no time: a complex variable z has two
 components, z.real and z.imag, and the time t of a function f(t, y) is the last component, with the
 rate 1. Users see z, and no t. This file alone knows both; names with suffixes are read here only.
+If nothing reads the time, there is no such component, and the time at a start changes nothing.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from ..checks import FloatArray, short, wrong
 
 _RE, _IM = ".real", ".imag"
 CLOCK = "t"  # the component for the time of a function f(t, y)
+TIME = {"t", "time"}  # names of the time, as an argument of f
 
 
 class Layout:
@@ -26,14 +28,15 @@ class Layout:
     names       the n variables of users: "z", "g"
     parts       the real numbers that hold them: "z.real", "z.imag", "g"
     components  the D components of the engine: the parts, then "t" if there is a hidden time
-    has_time    True if there is one
+    clock       the number of the component that is the hidden time, or None
     is_plain    True if users and the engine have the same states
     """
 
     def __init__(self, parts: Sequence[str], has_time: bool = False) -> None:
-        self.parts, self.has_time = tuple(parts), has_time
+        self.parts = tuple(parts)
         self.components = (*self.parts, CLOCK) if has_time else self.parts
         self.D, self.size = len(self.components), len(self.parts)
+        self.clock = self.size if has_time else None
         self._first = [i for i, name in enumerate(self.parts) if not name.endswith(_IM)]
         self.names = tuple(self.parts[i].removesuffix(_RE) for i in self._first)
         self._is_pair = [self.parts[i].endswith(_RE) for i in self._first]
@@ -44,15 +47,36 @@ class Layout:
     @property
     def key(self) -> tuple[Any, ...]:
         """What == of fields compares: kinds of variables, without their names."""
-        return self.D, self.has_time, self.has_pairs and tuple(self._is_pair)
+        return self.D, self.clock, self.has_pairs and tuple(self._is_pair)
 
     @property
     def entries(self) -> dict[str, Any]:
         """What files say of the components, see `layout_read`."""
-        return {"names": [*self.components], **({"time": CLOCK} if self.has_time else {})}
+        return {"names": [*self.components], **({} if self.clock is None else {"time": CLOCK})}
 
     def __reduce__(self) -> Any:
-        return layout_of, (self.parts, self.has_time)
+        return layout_of, (self.parts, self.clock is not None)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Layout) and self.__reduce__() == other.__reduce__()
+
+    def __hash__(self) -> int:
+        return hash(self.__reduce__()[1])
+
+    @property
+    def time_variable(self) -> str:
+        """The name of a variable of users that is the time; "" if there is none."""
+        return next((name for name in self.names if name in TIME), "")
+
+    @property
+    def timed(self) -> Layout:
+        """The layout with a hidden time."""
+        return self if self.clock is not None else layout_of(self.parts, True)
+
+    @property
+    def untimed(self) -> Layout:
+        """The layout without a hidden time."""
+        return self if self.clock is None else layout_of(self.parts)
 
     # ------------------------------------------------------------------------------ states
     def states(self, name: str, value: Any) -> Any:
@@ -72,15 +96,16 @@ class Layout:
 
     def enter(self, name: str, value: Any, time: Any = None, called: str = "t0") -> FloatArray:
         """Return states of the engine (..., D) for states of users at a time, by default 0."""
+        value, time = checks.start_of(value, time)
         x = self.states(name, value)
         if time is None:
             return x if self.is_plain else self._components(x)
-        if not self.has_time:
-            how = "left out: f of this system takes no time, as f(t, y) does"
-            raise wrong(called, how, error=TypeError)
+        if own := self.time_variable:
+            raise wrong(called, f"left out, because {own} is a variable in {name}", error=TypeError)
         t = np.asarray(checks.real_number(called, time))
         batch = checks.common_shape({name: x.shape[:-1], called: t.shape})
-        return self._components(np.broadcast_to(x, (*batch, self.n)), t)
+        x = np.broadcast_to(x, (*batch, self.n))
+        return np.array(x) if self.is_plain else self._components(x, t)
 
     def of_parts(self, x: Any) -> FloatArray:
         """Return the parts (..., size) of checked states of users."""
@@ -93,9 +118,13 @@ class Layout:
             result[..., self._second] = x.imag[..., self._is_pair]
         else:
             result[..., : self.size] = x
-        if self.has_time:
-            result[..., -1] = t + 0.0 * x[..., 0].real  # NaN for states with NaN
+        if self.clock is not None:
+            result[..., self.clock] = t + 0.0 * x[..., 0].real  # NaN for states with NaN
         return result
+
+    def times(self, states: FloatArray) -> Any:
+        """Return the hidden time (...) of states of the engine; 0 if there is none."""
+        return 0.0 if self.clock is None else states[..., self.clock]
 
     def leave(self, states: Any) -> Any:
         """Return states of users (..., n) for states of the engine (..., D)."""
@@ -112,12 +141,18 @@ class Layout:
 
     def leave_rows(self, columns: Any) -> Any:
         """Return derivatives (..., size, C) of parts for those of components (..., D, C)."""
-        return np.ascontiguousarray(columns[..., : self.size, :]) if self.has_time else columns
+        if self.clock is None:
+            return columns
+        return np.ascontiguousarray(columns[..., : self.size, :])
+
+    def leave_slopes(self, slopes: FloatArray) -> FloatArray:
+        """Return f' (..., size, size) of parts for that of components (..., D, D)."""
+        return slopes[..., : self.size, : self.size]
 
     def atol(self, given: tuple[float, ...]) -> tuple[float, ...]:
         """Return n absolute tolerances of variables as D of components."""
         each = self.split(given, lambda a: (a, a))
-        return (*each, *[0.0] * self.has_time)
+        return (*each, *[0.0] * (self.D - self.size))
 
     def leave_atol(self, given: tuple[float, ...]) -> tuple[float, ...]:
         """Return D absolute tolerances of components as n of variables."""
@@ -126,7 +161,7 @@ class Layout:
     def only(self, names: Sequence[str]) -> tuple[Layout, list[int]]:
         """Return the layout of some variables, and their components here; a hidden time stays."""
         parts = [each for name in names for each in self.parts if without_suffix(each) == name]
-        layout = layout_of(tuple(parts), self.has_time)
+        layout = layout_of(tuple(parts), self.clock is not None)
         if layout.n < len(names):
             raise wrong("names", f"variables of the field, {', '.join(self.names)}", short(names))
         return layout, [self.components.index(each) for each in layout.components]
@@ -161,6 +196,10 @@ class Layout:
                 imag += [b, a] if is_pair else [b]
             rows += real + imag * is_row_pair
         return rows
+
+    def completed(self, parts: Sequence[Any], of_time: Any) -> list[Any]:
+        """Return values of components: those of parts, then `of_time` for a hidden time."""
+        return [*parts, *[of_time] * (self.D - self.size)]
 
     def drawn(self, names: Sequence[Any]) -> tuple[Any, ...]:
         """Return names of components to draw, with the parts of complex variables."""

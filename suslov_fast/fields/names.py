@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import arguments_of, integer, short, wrong
-from .layout import Layout, layout_of, unpaired, with_complex, without_suffix
+from .layout import TIME as TIME, Layout, layout_of, unpaired, with_complex, without_suffix
 
 # Limits of files: the characters of a name, and the number of variables.
 _LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
-TIME = {"t", "time"}
 OF_TIME = "f(t, y) or f(y, t) takes the time, first or second, and t has no value or default"
 # Names that a parameter cannot have, and what they stand for.
 _TAKEN = {
@@ -106,12 +105,17 @@ def laid_out(
     names = variables(names)
     if complex is not False and "complex" in arguments_of(f):
         parameters, complex = {**parameters, "complex": complex}, False
-    if taken := [name for name in names if name in TIME and has_time]:
-        how = "leave it out, or write f as a function of the state alone"
-        raise ValueError(f"names: {taken[0]!r} is the time, which f takes beside the state: {how}")
     if complex is not False:
         names = with_complex(names, names if complex is True else variables(complex))
-    return layout_of(names, has_time), parameters
+    return with_time(names, has_time), parameters
+
+
+def with_time(parts: tuple[str, ...], has_time: bool) -> Layout:
+    """Return the layout of parts, and of a hidden time if a function takes it."""
+    if has_time and (taken := [name for name in parts if name in TIME]):
+        how = "leave it out, or write f as a function of the state alone"
+        raise ValueError(f"names: {taken[0]!r} is the time, which f takes beside the state: {how}")
+    return layout_of(parts, has_time)
 
 
 def _refused(name: str) -> str:

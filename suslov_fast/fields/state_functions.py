@@ -8,23 +8,21 @@ import numpy as np
 
 from ..checks import arguments_of, either, short, wrong
 from ..core.expressions.numpy_evaluation import evaluate
-from ..core.hybrid.event_formulas import KeyedProgram, read_by
+from ..core.hybrid.event_formulas import KeyedProgram
 from .equation_text import values_of
 from .names import TIME
 from .tracer import Tracer, called_by_name
 from .user_function import UserFunction
 
 
-def function_values(system: Any, f: Any, x: Any, has_time: bool) -> Any:
+def function_values(system: Any, f: Any, x: Any) -> Any:
     """Return the values (...) of f at states (..., D) of the engine, or (..., m) of m results.
 
     `system` is a field or a map; f is a function of the state, and of parameters by name, or one or
-    more formulas. If `has_time` is False, the time in x means nothing.
+    more formulas.
     """
-    tracer, layout = Tracer(system._layout, system._coordinates), system._layout
+    tracer = Tracer(system._layout, system._coordinates)
     program = KeyedProgram.of(tracer.values, _operands(tracer, f))
-    if layout.has_time and not has_time and layout.size in read_by(program, program.results):
-        raise TypeError("values: f takes the time t, which a run of a map does not know")
     values = dict(enumerate([*np.moveaxis(x, -1, 0), *system._inputs]))
     shape = np.broadcast_shapes(x.shape[:-1], system._inputs.shape[1:])
     with np.errstate(all="ignore"):

@@ -120,7 +120,7 @@ class Traced(Body):
         if len(x) != 1 or parameters:
             values = ", ".join(f"{name}={short(value)}" for name, value in parameters.items())
             how = "lambda t, x: system(x), where t is passed too"
-            how = "lambda t, x: system(x, t=t)" if self._layout.has_time else how
+            how = "lambda t, x: system(x, t=t)" if self._layout.clock is not None else how
             how = f"system.with_parameters({values})(x)" if parameters else how
             raise TypeError(f"system(x) takes the state alone: pass {how}")
         if isinstance(x[0], Symbols):
@@ -163,8 +163,7 @@ class Traced(Body):
         array([[ 5.,  2.],
                [-1.,  0.]])
         """
-        slopes = self._slopes(self._layout.enter("x", x, t, "t"))
-        return slopes[..., :-1, :-1] if self._layout.has_time else slopes
+        return self._layout.leave_slopes(self._slopes(self._layout.enter("x", x, t, "t")))
 
     def _slopes(self, x: FloatArray) -> FloatArray:
         """Return f'(x) (..., D, D) at states of the engine."""
@@ -265,6 +264,13 @@ class Traced(Body):
         return cls._of(parts_of(tracer, rows, given))
 
 
+def settled(layout: Layout, equations: Equations) -> dict[str, Any]:
+    """Return the parts of a field but for parameters; a time that nothing reads is left out."""
+    if layout.clock is not None and not equations.read_last:
+        layout, equations = layout.untimed, equations.without_last
+    return {LAYOUT: layout, EQUATIONS: equations}
+
+
 def parts_of(
     tracer: Tracer, rows: Sequence[Any], values: Mapping[str, Any], quantities: Any = None
 ) -> dict[str, Any]:
@@ -273,7 +279,7 @@ def parts_of(
     equations = Equations(
         layout.components, [*values], tracer.values, rows, ratios=ratios, quantities=quantities
     )
-    return {**values, LAYOUT: layout, EQUATIONS: equations}
+    return {**values, **settled(layout, equations)}
 
 
 def operands_of_texts(

@@ -54,8 +54,8 @@ class Tracer:
     @property
     def time(self) -> Symbol:
         """The symbol of the hidden time; if there is none, a symbol that cannot be used."""
-        if self.layout.has_time:
-            return Symbol(self, self.D - 1)
+        if self.layout.clock is not None:
+            return Symbol(self, self.layout.clock)
         alone = Tracer(layout_of((), True), ())
         alone.other = "f of this system takes no time, which this function reads"
         return alone.time
@@ -185,4 +185,4 @@ def called_by_name(name: str, arguments: Sequence[Any]) -> Any:
 def components(tracer: Tracer, layout: Layout, values: Any, of_time: Any) -> list[Any]:
     """Return the operands of components, for values of variables and of the hidden time."""
     parts = layout.split(values, parts_of_number)
-    return [*map(tracer.result, parts + [of_time] * layout.has_time)]
+    return [*map(tracer.result, layout.completed(parts, of_time))]

@@ -64,6 +64,8 @@ def check(
     name, turns = name.replace("omega", body._variable), None
     if components:
         omega = checks.states(name, omega, components)
+    elif t0 is not None and not body._has_eps:
+        raise wrong("t0", "left out: a Map takes no time", error=TypeError)
     else:
         omega = body._layout.enter(name, omega, t0)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)

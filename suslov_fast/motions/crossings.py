@@ -16,7 +16,7 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
 from .event import Event
-from .events import Events
+from .events import Events, clocked
 from .flow import solved
 from .motion_arguments import RTOL, checked_derivatives, checked_settings, checked_starts
 
@@ -100,10 +100,9 @@ def crossings(
     """
     if most is not None:
         most = integer("most", most, 1, "None or an integer of at least 1")
-    system = system_of(system, x0)
+    body: Any = system_of(system, x0)
     settings = Settings(rtol=rtol, atol=atol, max_step=max_step, stiff=stiff)
-    settings = checked_settings(system, *settings)
-    names = checked_derivatives(system, derivatives)
+    names = checked_derivatives(body, derivatives)
     duration, before = one_number("time", time, _LAST), one_number("transient", transient)
     if before < 0.0:
         raise wrong("transient", "0 or more", short(transient))
@@ -112,7 +111,9 @@ def crossings(
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
     events = tuple(Event(each, direction=direction) for each in given)
-    x, batch = checked_starts(system, x0, t0=t0)
+    system = clocked(body, events)
+    settings = checked_settings(system, *settings)
+    x, batch, t0 = checked_starts(system, x0, t0=t0)
     request = SolverRequest(
         np.array([abs(duration) + before]),
         -1 if duration < 0.0 else 1,
@@ -121,6 +122,6 @@ def crossings(
         most=math.inf if most is None else most,
         since=before,
     )
-    motion = solved(system, x, batch, request, progress, names, events)
+    motion = solved(system, x, batch, request, progress, names, events, body, t0)
     assert motion.events is not None  # a motion with a surface has events
     return motion.events

@@ -25,10 +25,11 @@ from ..bodies.systems import System
 from ..checks import FloatArray, StatesLike, common_shape, first_index, short, spell, warn
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
-from ..fields.constraints import constraints_of, near_constraints
+from ..fields.constraints import constraints_of
 from ..fields.field import system_of
 from ..fields.html import html_table
 from ..fields.map import Map
+from ..fields.mechanics import near_constraints
 from ..fields.names import labels
 from ..keywords import lacking, public
 from ..maps.formulas import eigenvalues_in_order

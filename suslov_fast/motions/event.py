@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
@@ -18,9 +19,10 @@ from ..core.cached import cached_property
 from ..core.hybrid.event_formulas import EventAction, KeyedProgram, read_by
 from ..fields.base import Body
 from ..fields.equation_text import values_of, written
-from ..fields.layout import Layout
+from ..fields.layout import CLOCK, Layout
 from ..fields.state_functions import operands_of
 from ..fields.tracer import Tracer, called_by_name, components
+from ..fields.user_function import UserFunction
 from ..keywords import public, public_class
 from ..results.result import place_in, read_only
 
@@ -186,6 +188,18 @@ class Event:
         return {each.name: getattr(self, each.name) for each in fields(self) if each.init}
 
     @property
+    def _takes_time(self) -> bool:
+        """True if a function has an argument t, or a text the name t."""
+        to = self.to if isinstance(self.to, tuple) else (self.to,)
+        given = self.surface, *to, *self._definitions.values()
+        return any(
+            UserFunction("to", each).has_time
+            if callable(each)
+            else isinstance(each, str) and re.search(rf"\b{CLOCK}\b", each)
+            for each in given
+        )
+
+    @property
     def _is_text(self) -> bool:
         return not (callable(self.surface) or callable(self.to))
 
@@ -227,12 +241,23 @@ class Event:
 
 
 def traced(event: Event, system: Any) -> TracedEvent:
-    """Return the `TracedEvent` of an event for the component and parameter names of a field."""
-    layout = system._layout
-    key = layout.components, layout.has_time, system._coordinates
+    """Return the `TracedEvent` of an event for the component and parameter names of a field.
+
+    If the event reads the time, and f of the field does not, it is for the field with a hidden
+    time, which its layout tells.
+    """
+    key = system._layout, system._coordinates
     if key not in event._traced:
-        event._traced[key] = TracedEvent(event, layout, system._coordinates)
+        event._traced[key] = _traced(event, *key)
     return event._traced[key]
+
+
+def _traced(event: Event, layout: Layout, parameters: tuple[str, ...]) -> TracedEvent:
+    if layout.clock is None and not layout.time_variable and event._takes_time:
+        timed = TracedEvent(event, layout.timed, parameters)
+        if layout.timed.clock in timed.action.read():
+            return timed
+    return TracedEvent(event, layout, parameters)
 
 
 def _with_values(f: Any, known: dict[int, Any]) -> Any:
@@ -343,7 +368,8 @@ class TracedEvent:
             found = [values[k] for k in range(len(texts))]
             if argument == "to" and len(found) == layout.n:
                 return components(tracer, layout, found, tracer.time)
-            found += [tracer.time] * (argument == "to" and layout.has_time)  # of parts
+            if argument == "to":  # texts of parts
+                found = layout.completed(found, tracer.time)
             return [*map(tracer.result, found)]
         except (TypeError, ValueError) as error:
             of = either(tracer.names)

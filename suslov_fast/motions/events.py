@@ -233,6 +233,15 @@ def checked_events(events: Any) -> tuple[Event, ...]:
     return tuple(given)
 
 
+def clocked(system: Any, events: tuple[Event, ...]) -> Any:
+    """Return a system for the engine: with a hidden time if an event reads it, and f does not."""
+    if not events or system._layout.clock is not None:
+        return system
+    field = system._field
+    reads = any(traced(event, field).layout.clock is not None for event in events)
+    return field._timed if reads else system
+
+
 def actions_of(field: Any, events: tuple[Event, ...]) -> tuple[EventAction, ...]:
     """Return the actions of events, traced for a field: surfaces first, then given times."""
     actions = [action_of(event, field) for event in events]
@@ -319,11 +328,10 @@ def _surface_at(field: Any, surface: Any, x: FloatArray) -> FloatArray:
     return found if x.ndim == 1 else np.broadcast_to(found, x.shape[:-1])
 
 
-def events_of_records(records: Any, events: tuple[Event, ...], motion: Any) -> Events:
+def events_of_records(records: Any, events: tuple[Event, ...], motion: Any, layout: Any) -> Events:
     """Return `Records` of the engine as `Events`, with the numbers of events in the user's list."""
     columns = {each.name: getattr(records, each.name.lstrip("_")) for each in OF_EVENTS}
     columns["which"] = np.array(in_order_of_code(events), np.int64)[records.which]
-    layout = motion.body._layout
     columns |= {k: layout.leave(columns[k]) for k in ("before", "states")}
     if motion._by:
         columns |= {k: layout.leave_rows(columns[k]) for k in ("_before_by", "_states_by")}

@@ -22,7 +22,7 @@ from ..maps.problem import Problem, check
 from ..status import Status, report_poles
 from . import motion_arguments
 from .event import Event
-from .events import actions_of, batch_of, checked_events, event_times_of
+from .events import actions_of, batch_of, checked_events, clocked, event_times_of
 from .integration import threads_for
 from .kept_integrals import warn_of_changes
 from .tangents import exponents_of
@@ -135,20 +135,21 @@ def lyapunov_exponents(
     time, before = checks.positive("time", time), checks.real_number("transient", transient)
     if not isinstance(before, float) or before < 0.0:
         raise wrong("transient", "a time, 0 or more", short(transient))
-    settings = motion_arguments.checked_settings(body, rtol)
     acting = checked_events(events)
     if any(each.terminal or each.most is not None for each in acting):
         received = "terminal or most, with which a trajectory ends"
         raise wrong("events", "those with which trajectories go on", received)
     acting = tuple(each for each in acting if each.to is not None)
-    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting), t0)
+    body = clocked(body, acting)
+    settings = motion_arguments.checked_settings(body, rtol)
+    x, batch, _ = motion_arguments.checked_starts(body, x0, batch_of(acting), t0)
     actions = actions_of(body._field, acting)
     event_times = event_times_of(acting, 1, batch) if actions else None
     count = threads_for(len(x), thread_count(threads))
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
-    since = x[:, -1] if body._layout.has_time else 0.0
+    since = body._layout.times(x)
     warn_of_changes(body, x, batch, np.empty((0, *x.shape)), request.times[:0], since)
     causes = {**motion_arguments.causes_of(body), **_SLIDING}
     motion_arguments.warn_of_ends(ends, x, batch, causes=causes)

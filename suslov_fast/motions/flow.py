@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..bodies.systems import System
 from ..calls import Progress
@@ -15,10 +15,10 @@ from ..checks import FloatArray, Reals, StatesLike
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import Field, system_of
 from ..keywords import public
-from ..results.result import read_only
+from ..results.result import times_of, zeros_of
 from . import motion_arguments
 from .event import Event
-from .events import batch_of, checked_events
+from .events import batch_of, checked_events, clocked
 from .motion import Motion
 from .solution import solution
 
@@ -56,12 +56,13 @@ def flow(
         variables are x1, x2, ..., as many as x0 has components, and it has no parameters.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities of a body. A dictionary gives the
-        components by name.
+        components by name. From a :class:`Motion` its solutions go on at their ends.
     time : array_like(float, shape=() or (n,))
         Times counted from x0, in any order; all 0 or later, or all 0 or earlier. ``time=[5, 6]``
         is 5 and 6 after x0, not an interval. A number is one time, n = 1.
     t0 : array_like(float, shape=(...)), optional
-        If f takes the time, as f(t, y): the time t at x0, by default 0.
+        The time t at x0, if f or an event takes it, as f(t, y): by default 0, or the time at the
+        end of the :class:`Motion` x0.
     rtol : float
         Relative tolerance, from 1e-13 to 1e-2. In each step the estimated error of a component
         stays below `rtol` times its size. The size is the largest absolute value that it has had on
@@ -137,32 +138,38 @@ def flow(
     array([[ 0.873751, -1.093725]])
     """
     body: Any = system_of(system, x0)
-    settings = motion_arguments.checked_settings(body, rtol, atol, max_step, stiff)
+    names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
+    system = clocked(body, acting)
+    settings = motion_arguments.checked_settings(system, rtol, atol, max_step, stiff)
     request = motion_arguments.request_of(time, settings, threads)
     times, sign = request.times, request.sign
-    names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
-    x, batch = motion_arguments.checked_starts(body, x0, batch_of(acting), t0)
+    x, batch, t0 = motion_arguments.checked_starts(system, x0, batch_of(acting), t0)
     if isinstance(body, Field):
-        motion_arguments.warn_of_times(body, x, times, t0)
+        motion_arguments.warn_of_times(system, x, times, t0)
         if sign > 0 and body._tables_of_time:
             motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))
     if acting:
         motion_arguments.warn_of_event_times(acting, sign, times)
-    return solved(body, x, batch, request, progress, names, acting)
+    return solved(system, x, batch, request, progress, names, acting, body, t0)
 
 
 def solved(
-    body: Any,
+    system: Any,
     x: FloatArray,
     batch: tuple[int, ...],
     request: SolverRequest,
     progress: Progress,
     names: tuple[str, ...],
     events: tuple[Event, ...],
+    body: Any,
+    t0: Any,
 ) -> Motion:
-    """Return the motion from x (B, D), differentiated with respect to `names`; warn if it ends."""
-    times, settings = request.times, request.settings
-    result, phases = solution(body, x, batch, request, progress, names, events)
+    """Return the motion from x (B, D), differentiated with respect to `names`; warn if it ends.
+
+    `system` may have a hidden time that the `body` of the user lacks; `t0` is the time at x.
+    """
+    times, settings, layout = request.times, request.settings, system._layout
+    result, phases = solution(system, x, batch, request, progress, names, events)
     if len(times) == 1:
         last = times.reshape(())
     else:
@@ -174,35 +181,30 @@ def solved(
         end = np.where(status, result.ends.t.reshape(batch), last)
     shape = len(times), *batch, result.states.shape[-1]
     arrays = {
-        "states": body._layout.leave(result.states.reshape(shape)),
+        "states": layout.leave(result.states.reshape(shape)),
         "time": times,
         "status": status,
         "end": end,
         "_again": again,
         "_start": np.array(x).reshape(*batch, x.shape[1]),
+        "_t0": times_of(t0, batch),
     }
     if names:
         shape = len(times), *batch, *result.derivatives.shape[2:]
-        arrays["_derivatives"] = body._layout.leave_rows(result.derivatives.reshape(shape))
+        arrays["_derivatives"] = layout.leave_rows(result.derivatives.reshape(shape))
     for name, column in result.columns.items():
         arrays[name] = column.reshape(batch)
     motion = Motion._of(arrays)
     vars(motion).update(_named(settings), body=body, _by=names)
     if isinstance(settings.atol, tuple):
-        vars(motion)["atol"] = body._layout.leave_atol(settings.atol)
+        vars(motion)["atol"] = layout.leave_atol(settings.atol)
     if phases:
         vars(motion).update(phases)
     if events:
-        vars(motion)["_records"] = result.records, events, request.most
+        vars(motion)["_records"] = result.records, events, request.most, layout
     else:
         vars(motion)["events"] = None
     return motion
 
 
 _named = lru_cache(64)(Settings._asdict)
-
-
-@lru_cache(64)
-def zeros_of(batch: tuple[int, ...]) -> NDArray[np.int8]:
-    """Return zeros of the shape `batch`, read-only, so that results can share them."""
-    return read_only(np.zeros(batch, np.int8))

@@ -17,7 +17,7 @@ from ..results.result import States, read_only
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event
-from .events import Derivatives, Events, events_of, events_of_records
+from .events import Derivatives, Events, clocked, events_of, events_of_records
 from .motion_arguments import checked_settings, request_of
 from .phases import Phases, phases_of
 from .solution import solution
@@ -97,6 +97,7 @@ class Motion(States):
     _start: FloatArray  # (..., D), x0 and a hidden time
     events: Events | None  # without a default, so that `__getattr__` makes it when it is read
     _again: NDArray[np.int8] | Any = None  # 1 if computed again after an alarm (lost digits)
+    _t0: FloatArray | Any = 0.0  # the time (...) at x0
     _by: tuple[str, ...] = ()  # the argument `derivatives`
     _derivatives: FloatArray | Any = None  # (n, ..., D, C), by C variables: x0, parameters
     _phases: FloatArray | Any = None  # rows of `phases.rows_of`, if anything slides or rests
@@ -143,20 +144,21 @@ class Motion(States):
         >>> motion(np.pi).round(6) + 0.0
         array([-1.,  0.])
         """
-        body, batch, times = self.body, self.status.shape, real_number("t", t)
+        batch, times = self.status.shape, real_number("t", t)
         if np.ndim(times) > 1:
             raise wrong("t", "a number or a 1-D array", f"an array of shape {np.shape(times)}")
         given = (getattr(self, name) for name in Settings._fields)
-        settings = checked_settings(body, *given)
         events = () if self.events is None else self.events._given
-        asked, start = np.ravel(times), self._start.reshape(-1, body._layout.D)
+        system = clocked(self.body, events)
+        settings, layout = checked_settings(system, *given), system._layout
+        asked, start = np.ravel(times), self._start.reshape(-1, layout.D)
         states = np.empty((len(asked), *self.states.shape[1:]), self.states.dtype)
         for part in (asked >= 0.0, asked < 0.0):
             if part.any():
                 request = request_of(asked[part], settings, None)
-                result, _ = solution(body, start, batch, request, None, self._by, events)
+                result, _ = solution(system, start, batch, request, None, self._by, events)
                 shape = len(result.states), *batch, result.states.shape[-1]
-                states[part] = body._layout.leave(result.states.reshape(shape))
+                states[part] = layout.leave(result.states.reshape(shape))
         return read_only(states if np.ndim(times) else states[0])
 
     def _members(self, index: tuple[int, ...]) -> dict[str, Any]:
@@ -172,26 +174,22 @@ class Motion(States):
 
         def __getattr__(self, name: str) -> Any:
             if name == "events" and "_records" in vars(self):
-                records, given, most = vars(self)["_records"]
+                records, given, most, layout = vars(self)["_records"]
                 records = records.in_order().first(most)
-                vars(self)["events"] = events_of_records(records, given, self)
+                vars(self)["events"] = events_of_records(records, given, self, layout)
                 return self.events
             return super().__getattr__(name)
 
     @property
     def x0(self) -> FloatArray:
         """The initial states, shape (..., D)."""
-        return read_only(np.asarray(self.body._layout.leave(self._start)))
+        layout = self.body._layout
+        return read_only(np.asarray(layout.untimed.leave(self._start[..., : layout.size])))
 
     @property
-    def t0(self) -> FloatArray | None:
-        """The times t at x0 if f takes the time, as f(t, y), shape (...); else None."""
-        return self._start[..., -1] if self.body._layout.has_time else None
-
-    @property
-    def _clock(self) -> Any:
-        time = self.time.reshape(-1, *(1,) * self.status.ndim)
-        return None if self.t0 is None else self.t0 + time
+    def t0(self) -> FloatArray:
+        """The times t at x0, shape (...)."""
+        return self._t0
 
     @property
     def derivatives(self) -> dict[str, FloatArray]:
@@ -212,6 +210,12 @@ class Motion(States):
         if not len(self.time):
             raise IndexError("a motion at no times has no final state: pass time=T to flow")
         return self.states[-1]
+
+    @property
+    def _last(self) -> tuple[Any, Any]:
+        """The states and the times (...) from which another motion goes on."""
+        time = None if self.body._layout.time_variable else self._t0 + self.end
+        return self.final, time
 
     def _repr_html_(self) -> str:
         last = self.final.reshape(-1, len(self.names)).tolist() if len(self.time) else []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,14 +13,13 @@ from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
 from ..core.flow.step_length import MOST_TRIES
-from ..fields.constraints import constraints_of
+from ..fields.constraints import check_constraints, constraints_of
 from ..fields.layout import Layout, parts_of_name
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
 from .integration import FELL, SolverResult
 
-_SINGULAR = "a singular one{1}: leave out constraints that follow from others"
 _MOST = 1e-2  # the largest rtol
 # The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
 # means nothing, also if the user passed 1e-9.
@@ -153,37 +151,18 @@ def _at_one_time(time: float, settings: Settings) -> SolverRequest:
 
 def checked_starts(
     system: Any, x0: Any, others: tuple[int, ...] = (), t0: Any = None
-) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return initial states (B, D) of the engine, and the batch shape.
+) -> tuple[FloatArray, tuple[int, ...], Any]:
+    """Return initial states (B, D) of the engine, the batch shape, and the time at them or None.
 
-    `others` is the batch of event times; `t0` is the hidden time of the start. ValueError if states
-    violate constraints of the system.
+    `others` is the batch of event times. ValueError if states violate constraints of the system.
     """
+    x0, t0 = checks.start_of(x0, t0)
     x = system._layout.enter("x0", x0, t0)
     check_constraints(system, x)
     if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
-        return x[np.newaxis], ()
+        return x[np.newaxis], (), t0
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
-    return flat_arrays(x, batch), batch
-
-
-def check_constraints(field: Any, x: FloatArray) -> None:
-    """Raise ValueError if states of the engine (..., D) violate constraints of mechanics."""
-    constraints = constraints_of(field)
-    if constraints is None or not (x.size and math.prod(field.shape)):
-        return
-    is_on, is_regular, errors = constraints.tested(x, field._inputs)
-    if is_on.all() and is_regular.all():
-        return
-    exists = np.isfinite(errors)
-    for is_good, need, how in (
-        (is_regular, "a state with independent constraints", _SINGULAR),
-        (is_on, "on the constraints", "off by {:.3g}{}: move states there by field.projected(x0)"),
-    ):
-        if (is_bad := exists & (is_good == 0.0)).any():
-            where = first_index(is_bad)
-            at = f" at {spell(where)}" if where else ""
-            raise wrong("x0", need, how.format(errors[where], at))
+    return flat_arrays(x, batch), batch, t0
 
 
 def warn_of_times(field: Any, x: FloatArray, times: FloatArray, t0: Any = None) -> None:
@@ -193,7 +172,7 @@ def warn_of_times(field: Any, x: FloatArray, times: FloatArray, t0: Any = None) 
     first = float(times[0])
     for clock in field._right_hand_sides[0][1].clocks:
         name = field._layout.components[clock]
-        if t0 is None and clock == field._layout.size:
+        if t0 is None and clock == field._layout.clock:
             checks.warn(
                 f"times count from x0, where t is 0: if x0 is the state at t = {first:g}, pass "
                 f"t0={first:g}, and time - {first:g}; else t0=0"
@@ -211,7 +190,7 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
         t, name = x[:, clock], field._layout.components[clock]
         if len(t) and ((t >= end).all() or (t + last <= first).all()):
             low, high = t.min(), t.max() + last
-            start = "t0" if clock == field._layout.size else f"{name} in x0"
+            start = "t0" if clock == field._layout.clock else f"{name} in x0"
             checks.warn(
                 f"np.interp: its table is from {first:g} to {end:g}, and {name} from {low:g} to "
                 f"{high:g}, where it is constant: {start} is the time in the table"

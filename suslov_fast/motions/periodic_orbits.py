@@ -13,16 +13,16 @@ from ..checks import FloatArray, Reals, StatesLike, short, warn, wrong
 from ..core.expressions.linear_terms import coefficients
 from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
-from ..fields.constraints import constraints_of
+from ..fields.constraints import check_constraints, constraints_of
 from ..fields.field import Field, system_of
 from ..fields.map import Map
 from ..keywords import public
 from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
 from .event import Event
-from .events import Derivatives, checked_events
+from .events import Derivatives, checked_events, clocked
 from .kept_integrals import has_integrals, warn_of_changes
-from .motion_arguments import check_constraints, checked_derivatives, checked_settings
+from .motion_arguments import checked_derivatives, checked_settings
 from .periodic_orbit_results import OrbitDerivatives, PeriodicOrbit, each_of, joined
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 
@@ -139,6 +139,7 @@ def periodic_orbit(
         how = "a clock that it resets, Event(lambda s: s[-1] - 24, to=...), makes it periodic"
         raise wrong("events", "events at surfaces", f"times: {how}")
     names = _checked_names(body, derivatives)
+    body = clocked(body, acting)
     x = body._layout.enter("x0", x0, t0)
     T: Any = None if period is None else checks.real_number("period", period)
     shapes = {"system": body.shape, "x0": x.shape[:-1], "period": np.shape(T)}
@@ -186,7 +187,7 @@ def _orbit(
         if has_integrals(field):  # integrals may change near x0 alone, if the result is at rest
             looks = search.T * _LOOKS
             states = np.concatenate([motion.states(each, looks) for each in (x, orbit.state)])
-            since = x[-1] if body._layout.has_time else 0.0
+            since = body._layout.times(x)
             warn_of_changes(field, x[np.newaxis], (), states[:, None], np.tile(looks, 2), since)
         orbit = orbit._replace(
             state=body._layout.leave(orbit.state), derivatives=_derivatives(search, names)

@@ -21,7 +21,8 @@ import numpy as np
 from ..checks import FloatArray
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.hybrid.event_formulas import components_of
-from ..fields.constraints import constraints_of, near_constraints
+from ..fields.constraints import constraints_of
+from ..fields.mechanics import near_constraints
 from ..fields.right_hand_sides import with_events
 from .event import Event
 from .events import actions_of, event_times_of

@@ -26,7 +26,7 @@ from .sensitivities import with_derivatives
 
 
 def solution(
-    body: Any,
+    system: Any,
     x: FloatArray,
     batch: tuple[int, ...],
     request: SolverRequest,
@@ -35,13 +35,7 @@ def solution(
     events: tuple[Event, ...],
 ) -> tuple[SolverResult, dict[str, Any]]:
     """Return the motion from x (B, D), and its phases; warn if it ends."""
-    system, times, settings = body, request.times, request.settings
-    since = x[:, -1] if body._layout.has_time else 0.0
-    if isinstance(body, Field) and _is_idle(body, events):
-        system, x = body._autonomous, np.ascontiguousarray(x[:, :-1])
-        if isinstance(settings.atol, tuple):
-            settings = settings._replace(atol=settings.atol[:-1])
-            request = request._replace(settings=settings)
+    times, settings = request.times, request.settings
     actions: tuple[EventAction, ...] = ()
     event_times, at_rest = None, (None, None)
     if events:
@@ -67,23 +61,15 @@ def solution(
         if not is_clear and len(where := are_stuck(result, at_rest[0])):
             part = Sliding(system._field, x, batch, where, request, events)
             result, phases = part.continued(result, names, at_rest)
-        warn_of_changes(system, x, batch, result.states, times, since)
+        warn_of_changes(system, x, batch, result.states, times, system._layout.times(x))
         if report is not None and total and not result.is_stopped:
             # The engine may report less: it counts equal times once, and no states after an end.
             report(total)
     if result.ends is not None:
-        causes = motion_arguments.causes_of(body)
+        causes = motion_arguments.causes_of(system)
         motion_arguments.warn_of_ends(result, x, batch, settings.atol, causes)
         motion_arguments.warn_of_lost_components(result, batch)
     return result, phases
-
-
-def _is_idle(field: Field, events: tuple[Event, ...]) -> bool:
-    """Return True if a field has a hidden time that neither f nor an event reads."""
-    layout = field._layout
-    if not layout.has_time or field._is_forced:
-        return False
-    return not any(layout.size in action.read() for action in actions_of(field, events))
 
 
 def motion_of(

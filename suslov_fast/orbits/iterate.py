@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 
 from ..bodies.systems import MapOrField
 from ..calls import Progress, reporter
-from ..checks import FloatArray, Reals, StatesLike, integer, one_of
+from ..checks import FloatArray, Reals, StatesLike, integer, one_of, start_of
 from ..keywords import public
 from ..maps.batch import BatchRun
 from ..maps.map_records import Method, eps_and_steps, eps_of, map_of
 from ..maps.problem import check
 from ..results.failures import ON_SINGULAR, OnSingular, report_failures
+from ..results.result import times_of
 from .trajectories import Trajectories
 
 
@@ -173,6 +174,7 @@ def iterate(
     ((5, 1000, 2), True, array([1.  , 1.01]))
     """
     map = map_of(system, method)
+    x0, t0 = start_of(x0, t0)
     eps, steps = eps_and_steps("iterate", system, eps, steps)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
@@ -200,6 +202,7 @@ def iterate(
             "steps": batch_run.n,  # fewer, if `progress` ended the run
             "save_every": save_every,
             "attitude": turns,
+            "_t0": times_of(t0, problem.batch),
         }
     )
     report_failures(run, batch_run, on_singular)

@@ -78,6 +78,7 @@ class Trajectories(States):
     steps: int
     save_every: int | None
     attitude: FloatArray | Any = None  # `Any`, so that type checkers ask for no test of None
+    _t0: FloatArray | Any = 0.0  # the time (...) at x0
 
     @cached_property
     def n(self) -> NDArray[np.int64]:

@@ -22,15 +22,15 @@ def draw_portrait(field: Field, extent: Any, has_nullclines: bool, ax: Any) -> A
     from ..results.figures import axes_for, symbol
 
     layout = field._layout
-    if field.shape or layout.size != 2 or (layout.has_time and field._is_forced):
+    if field.shape or layout.D != 2:
         has = f"a family of shape {field.shape}: pass field[k]" if field.shape else f"{field!r}"
         expected = "a single field of two variables, without the time"
         raise wrong("system", expected, has)
     left, right, low, high = limits = _limits(extent)
     x, y = np.meshgrid(np.linspace(left, right, _POINTS), np.linspace(low, high, _POINTS))
-    points = np.stack([x, y, *[np.zeros_like(x)] * layout.has_time], axis=-1)
+    points = np.stack([x, y], axis=-1)
     with np.errstate(all="ignore"):
-        f = np.ma.masked_invalid(field._value(points)[..., :2])
+        f = np.ma.masked_invalid(field._value(points))
     axes = axes_for(ax, (5.4, 5.0))
     names = [symbol(name) for name in layout.parts]
     if f.count():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import fields
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 
 import numpy as np
@@ -194,20 +195,23 @@ class Result:
 class States(Result):
     """The base of `Trajectories` and `Motion`, which have states with time on the first axis."""
 
+    time: Any
+    _t0: Any  # the time (...) at the start
+
     @public
     def energy(self) -> FloatArray:
         """Return the energy (n, ...) of the states, as :meth:`Suslov3D.energy` does."""
-        return self._of_body("energy")(self.states)
+        return self._of_body("energy")(self.states, **self._times)
 
     @public
     def reactions(self) -> FloatArray:
-        """Return the forces of reaction (n, ..., m), as :meth:`Field.reactions` does."""
-        return self._of_body("reactions")(self.states)
+        """Return the forces of reaction (n, ..., m), as ``field.mechanics.reactions`` does."""
+        return self._of_body("mechanics").reactions(self.states, **self._times)
 
     @public
     def residuals(self) -> FloatArray:
-        """Return by how much the states violate constraints, as :meth:`Field.residuals` does."""
-        return self._of_body("residuals")(self.states)
+        """Return by how much states violate constraints, as ``field.mechanics.residuals`` does."""
+        return self._of_body("mechanics").residuals(self.states, **self._times)
 
     @public
     def first_integral(self) -> FloatArray:
@@ -222,7 +226,7 @@ class States(Result):
         ----------
         f : callable or str, or sequence of str
             A function of the state and of parameters of the system by name, as in :class:`Event`;
-            or formulas of their names. Of a motion of a system f(t, y) it may take the time.
+            or formulas of their names. It may take the time, unless the run is one of a map.
 
         Returns
         -------
@@ -242,17 +246,28 @@ class States(Result):
         >>> motion.values("k*x").shape
         (101, 2)
         """
-        system = self.body if isinstance(self.body, Map) else self.body._field
-        x = system._layout.enter("states", self.states, self._clock)
-        return read_only(function_values(system, f, x, self._clock is not None))
+        if isinstance(self.body, Map):
+            return read_only(
+                function_values(self.body, f, self.body._layout.enter("x", self.states))
+            )
+        system = self.body._field._timed
+        at = None if system._layout.clock is None else self._t
+        return read_only(function_values(system, f, system._layout.enter("x", self.states, at)))
 
     @property
-    def _clock(self) -> Any:
-        """The time t of each state (n, ...); None if it is not known, or f takes no time."""
-        return None
+    def _t(self) -> FloatArray:
+        """The time t of each state, (n, ...)."""
+        axes = self.states.ndim - 1 - self.time.ndim
+        found: FloatArray = self._t0 + self.time.reshape(*self.time.shape, *(1,) * axes)
+        return found
+
+    @property
+    def _times(self) -> dict[str, Any]:
+        """The time of each state as an argument of functions of the body, if it reads the time."""
+        return {} if self.body._layout.clock is None else {"t": self._t}
 
     def _of_body(self, name: str) -> Any:
-        """Return a method of the body, if it has one."""
+        """Return an attribute of the body, if it has one."""
         if not hasattr(type(self.body), name):
             raise lacking(self.body, name)
         return getattr(self.body, name)
@@ -423,6 +438,19 @@ def place_in(shape: tuple[int, ...], index: tuple[int, ...]) -> tuple[int, ...]:
     """Return the index of a trajectory in an array of a shape that broadcasts with the batch."""
     last = index[len(index) - len(shape) :]
     return tuple(0 if n == 1 else k for k, n in zip(last, shape, strict=True))
+
+
+@lru_cache(128)
+def zeros_of(batch: tuple[int, ...], kind: Any = np.int8) -> NDArray[Any]:
+    """Return zeros of the shape `batch`, read-only, so that results can share them."""
+    return read_only(np.zeros(batch, kind))
+
+
+def times_of(t0: Any, batch: tuple[int, ...]) -> FloatArray:
+    """Return the times (...) at the starts of a batch, by default 0."""
+    if t0 is None:
+        return zeros_of(batch, np.float64)
+    return read_only(np.array(np.broadcast_to(t0, batch), np.float64))
 
 
 def read_only(array: NDArray[T]) -> NDArray[T]:

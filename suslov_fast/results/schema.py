@@ -31,6 +31,7 @@ RUN = (
     Column("failed_at", "int64", "batch", "first state missing or beyond a pole, or -1"),
     Column("first_pole", "int64", "batch", "first state beyond a pole, or -1"),
     Column("status", "int8", "batch"),
+    Column("_t0", "float64", "batch"),
 )
 OF_EVENTS = (
     Column("trajectory", "int64", "event"),
@@ -57,6 +58,7 @@ MOTION = (
     Column("status", "int8", "batch"),
     Column("_again", "int8", "batch"),
     Column("_start", "float64", "batch variable"),
+    Column("_t0", "float64", "batch"),
     Column("_derivatives", "float64", "time batch component direction", when="_by"),
     Column("_phases", "float64", "event phase", when="_surfaces"),
     *(column._replace(name=f"events.{column.name}", when="events") for column in OF_EVENTS),

@@ -123,8 +123,8 @@ def test_knife_edge_is_a_cycloid_with_its_reaction():
     x = flow(edge(), [0, 0, 0, 0, 0, 1], time=t).states
     assert_allclose(x[:, 0], -(sin(t) ** 2) / 2, atol=1e-9)
     assert_allclose(x[:, 1], -(t - sin(t) * cos(t)) / 2, atol=1e-9)
-    assert_allclose(edge().multipliers(x)[:, 0], 2 * sin(t), atol=1e-9)
-    assert_allclose(edge().reactions(x)[:, 0], 2 * sin(t) * sin(x[:, 2]), atol=1e-9)
+    assert_allclose(edge().mechanics.multipliers(x)[:, 0], 2 * sin(t), atol=1e-9)
+    assert_allclose(edge().mechanics.reactions(x)[:, 0], 2 * sin(t) * sin(x[:, 2]), atol=1e-9)
 
 
 def penny(slope=0.0):
@@ -145,7 +145,7 @@ def test_penny_rolls_in_circles_and_not_down_a_slope():
     x = flow(penny(), [0, 0, 0, 0, 0.3 * roll, 0, roll, w], time=t).states
     assert_allclose(x[:, 0], 0.3 * roll / w * sin(w * t), atol=1e-8)
     force = 2.0 * 0.3 * roll * w * np.stack([-sin(w * t), cos(w * t)], axis=1)
-    assert_allclose(penny().multipliers(x), force, atol=1e-8)
+    assert_allclose(penny().mechanics.multipliers(x), force, atol=1e-8)
     x = flow(penny(3.0), [0, 0, 0, 0, 0, 0, 0, w], time=t).states
     k = 2.0 * 3.0 * 0.3 / (0.09 + 2.0 * 0.3**2)
     assert_allclose(x[:, 2], k * (1 - cos(w * t)) / w**2, atol=1e-8)
@@ -171,9 +171,9 @@ def disk():
 def test_rolling_disk_is_stable_above_its_critical_speed():
     field, critical = disk(), np.sqrt(9.81 / 3)
     for speed, is_stable in ((critical * 1.001, True), (critical * 0.999, False)):
-        x0 = field.projected([0, 0, 0, np.pi / 2, 0, -speed, 0, 0, 0, speed])
+        x0 = field.mechanics.projected([0, 0, 0, np.pi / 2, 0, -speed, 0, 0, 0, speed])
         assert (np.linalg.eigvals(field.jacobian(x0)).real.max() < 1e-3) == is_stable
-    x0 = field.projected([0, 0, 0, 1.2, 0, 0, 0, 0.5, 0.1, 3.0])
+    x0 = field.mechanics.projected([0, 0, 0, 1.2, 0, 0, 0, 0.5, 0.1, 3.0])
     motion = flow(field, x0, time=np.linspace(0, 20, 100))
     assert_allclose(motion.energy(), field.energy(x0), rtol=1e-8)
     assert_allclose(motion.residuals(), 0, atol=1e-13)
@@ -201,7 +201,7 @@ def disk_by_hand():
 
 def test_rolling_disk_is_as_short_as_its_equations():
     field, hand = disk(), disk_by_hand()
-    x0 = field.projected([0, 0, 0.3, 1.2, 0, 0, 0, 0.5, 0.1, 3.0])
+    x0 = field.mechanics.projected([0, 0, 0.3, 1.2, 0, 0, 0, 0.5, 0.1, 3.0])
     q, v, b = x0[:5], x0[5:], x0[3]
     start = [*q, v[3], v[2] * sin(b), v[4] + v[2] * cos(b)]
     t = np.linspace(0, 5, 20)
@@ -256,7 +256,7 @@ def test_chaplygin_ball_keeps_its_moment_in_space():
         return v[0] - w[1], v[1] + w[0]
 
     field = Field.from_lagrangian(lagrangian, "x y a b c", constraints=rolling)
-    x0 = field.projected([0, 0, 0.2, 1, 0.3, 0, 0, 0.5, 0.6, -0.7])
+    x0 = field.mechanics.projected([0, 0, 0.2, 1, 0.3, 0, 0, 0.5, 0.6, -0.7])
     states = flow(field, x0, time=np.linspace(0, 30, 20)).states
 
     def moment(x):
@@ -280,7 +280,9 @@ def test_suslov_problem_is_the_body_of_the_package():
     body, t = Suslov3D(4, 2, -0.5, -0.3), np.linspace(0, 5, 6)
     x, exact = flow(field, [0, 0, 1, 1, 0.5, 0], time=t), flow(body, [1, 0.5], time=t)
     assert_allclose(x.states[:, 3:5], exact.states, atol=1e-12)
-    assert_allclose(field.multipliers(x.states)[:, 0], body.reaction(exact.states), atol=1e-11)
+    assert_allclose(
+        field.mechanics.multipliers(x.states)[:, 0], body.reaction(exact.states), atol=1e-11
+    )
     alone = field.subsystem("O1 O2", O3=0.0)
     assert_allclose(alone([1, 0.5]), field([0, 0, 1, 1, 0.5, 0])[3:5], atol=1e-15)
     angles = Field.from_lagrangian(
@@ -292,7 +294,7 @@ def test_suslov_problem_is_the_body_of_the_package():
     turn = (sin(c) + 0.5 * cos(c)) / sin(b)
     x = flow(angles, [0, b, c, turn, cos(c) - 0.5 * sin(c), -cos(b) * turn], time=t).states
     assert_allclose(omega(x[:, :3].T, x[:, 3:].T)[:2].T, exact.states, atol=1e-8)
-    assert_allclose(angles.multipliers(x)[:, 0], body.reaction(exact.states), atol=1e-7)
+    assert_allclose(angles.mechanics.multipliers(x)[:, 0], body.reaction(exact.states), atol=1e-7)
 
 
 def test_snakeboard_by_constraints_and_by_its_shape():
@@ -319,18 +321,18 @@ def test_snakeboard_by_constraints_and_by_its_shape():
         forces=lambda q, v, t: (0, 0, 0, 0.1 * cos(t), 0.08 * sin(t)),
     )
     t = np.linspace(0, 20, 30)
-    x = flow(field, [0, 0, 0, 0, 0.4, 0, 0, 0, 0, -0.8, 0], time=t).states
+    x = flow(field, [0, 0, 0, 0, 0.4, 0, 0, 0, 0, -0.8], time=t).states
     # Forces on psi and phi give Jr (theta' + psi') = 0.1 sin(t) and 2 Jw phi' = -0.08 cos(t).
     assert_allclose(0.1 * (x[:, 7] + x[:, 8]), 0.1 * sin(t), atol=1e-9)
     assert_allclose(0.1 * x[:, 9], -0.08 * cos(t), atol=1e-9)
-    assert_allclose(field.residuals(x), 0, atol=1e-13)
+    assert_allclose(field.mechanics.residuals(x), 0, atol=1e-13)
 
 
 def test_spherical_pendulum_keeps_energy_and_moment():
     field = Field.from_lagrangian(
         lambda q, v: v @ v / 2 - q[2], "x y z", constraints=lambda q, v: q @ q - 1
     )
-    x0 = field.projected([0.6, 0, -0.8, 0.1, 0.5, 0])
+    x0 = field.mechanics.projected([0.6, 0, -0.8, 0.1, 0.5, 0])
     kept = field.conserving(lambda x: x[3:] @ x[3:] / 2 + x[2], lambda x: x[0] * x[4] - x[1] * x[3])
     motion = flow(kept, x0, time=np.linspace(0, 1000, 500))
     x = motion.states.T
@@ -360,7 +362,7 @@ def chain_at_rest(n):
 @pytest.mark.parametrize("n", [3, 10])
 def test_chain_has_the_frequencies_of_laguerre(n):
     field, x0 = chain(n), chain_at_rest(n)
-    assert_allclose(field.residuals(x0), 0, atol=1e-15)
+    assert_allclose(field.mechanics.residuals(x0), 0, atol=1e-15)
     squares = np.linalg.eigvals(field.jacobian(x0)).imag ** 2
     exact = np.repeat(np.polynomial.laguerre.lagroots([0] * n + [1]), 2)
     assert_allclose(np.sort(squares)[-2 * n :], np.sort(exact), rtol=1e-9)
@@ -385,7 +387,7 @@ def test_points_without_inertia_keep_their_energy(upright):
         return sum(r @ r for r in rates) / 2 - sum(p[2] for p in points(q))
 
     field = Field.from_lagrangian(lagrangian, "x y a", constraints=lambda q, v: v[1] - q[0] * v[0])
-    x0 = field.projected([0.1, 0, 0.3 - upright, 1, 0, 0.4])
+    x0 = field.mechanics.projected([0.1, 0, 0.3 - upright, 1, 0, 0.4])
     motion = flow(field, x0, time=5.0)
     assert_allclose(motion.energy()[-1], field.energy(x0), rtol=1e-8)
 
@@ -473,15 +475,57 @@ def test_bead_on_a_rotating_wire():
         "x y",
         constraints=lambda q, v, t: q[0] * sin(2 * t) - q[1] * cos(2 * t),
     )
-    x = flow(wire, [1, 0, 0, 2, 0], time=[0.5, 1.0]).states
+    motion = flow(wire, [1, 0, 0, 2], time=[0.5, 1.0], t0=0.0)
+    x = motion.states
     assert_allclose(np.hypot(x[:, 0], x[:, 1]), np.cosh([1.0, 2.0]), rtol=1e-9)
+    assert wire.dimension == 4
+    r, w = np.cosh([1.0, 2.0]), 2.0
+    rate = w * np.sinh([1.0, 2.0])
+    assert_allclose(motion.energy(), (rate**2 + (r * w) ** 2) / 2, rtol=1e-9)
+    assert_allclose(motion.residuals(), 0, atol=1e-13)
+    side = np.stack([-sin(2 * motion.time), cos(2 * motion.time)], axis=1)
+    force = 2 * w * rate  # of Coriolis
+    assert_allclose((motion.reactions() * side).sum(axis=1), force, rtol=1e-9)
+    later = flow(wire, motion, time=0.25)
+    assert_allclose(np.hypot(*later.final[:2]), np.cosh(2.5), rtol=1e-9)
+    assert_allclose(later.energy(), ((2 * np.sinh(2.5)) ** 2 + (2 * np.cosh(2.5)) ** 2) / 2)
+    assert Field.from_dict(wire.to_dict()) == wire
+    turned = [cos(2.0), sin(2.0), -2 * sin(2.0), 2 * cos(2.0)]
+    late = flow(wire, turned, time=1.0, t0=1.0).final
+    assert_allclose(np.hypot(*late[:2]), np.cosh(2.0), rtol=1e-9)
+    assert_allclose(wire.mechanics.residuals(turned, t=1.0), 0, atol=1e-15)
+    with pytest.raises(ValueError, match="off by"):
+        flow(wire, turned, time=1.0)
+
+
+def test_a_time_that_nothing_reads_is_no_component():
+    free = Field.from_lagrangian(lambda q, v, t: v @ v / 2 - q[0] ** 2, "x")
+    assert free == Field.from_lagrangian(lambda q, v: v @ v / 2 - q[0] ** 2, "x")
+
+
+def test_fields_without_mechanics():
+    with pytest.raises(TypeError, match="no mechanics"):
+        Field(lambda x: -x, "x").mechanics  # noqa: B018
+    free = Field.from_lagrangian(lambda q, v: v @ v / 2, "x")
+    assert free.mechanics.momenta([1.0, 2.0]).tolist() == [2.0]
+    with pytest.raises(TypeError, match="no residuals"):
+        free.mechanics.projected([1.0, 2.0])
+
+
+def test_projected_states():
+    found = pendulum().mechanics.projected([[1e3, 1e3, 0, 0], [0.3, -0.4, 1.0, 2.0]])
+    assert_allclose(found[0], [0.5**0.5, 0.5**0.5, 0, 0], rtol=1e-14)
+    assert_allclose(found[1], [0.6, -0.8, 1.6, 1.2], rtol=1e-14)
+    for bad in ([0, 0, 0, 0], [[1.0, 0, 0, 0], [0, 0, 0, 0]]):
+        with pytest.raises(ValueError, match="near the constraints"):
+            pendulum().mechanics.projected(bad)
 
 
 def test_files_and_families():
     field, x = edge(2.0), [0, 0, 1, 0, 0, 1]
     again = Field.from_dict(field.to_dict())
     assert again == field
-    assert_allclose(again.reactions(x), field.reactions(x), rtol=0)
+    assert_allclose(again.mechanics.reactions(x), field.mechanics.reactions(x), rtol=0)
     ends = flow(edge([1, 2.0]), [0, 0, 0, 0, 0, 1], time=np.pi).states[-1, :, 1]
     assert_allclose(ends, [-np.pi / 2, -np.pi], atol=1e-9)
     by_k = flow(field, [0, 0, 0, 0, 0, 1], time=np.pi, derivatives="k").derivatives["k"]

@@ -10,7 +10,7 @@ import pytest
 from numpy import zeros
 from scipy.interpolate import BSpline, CubicSpline, interp1d, make_interp_spline
 
-from suslov_fast import Event, Field, flow
+from suslov_fast import Event, Field, Map, flow, iterate
 
 
 def test_time_is_hidden():
@@ -31,12 +31,13 @@ def test_time_is_hidden():
 def test_what_is_refused_of_time():
     with pytest.raises(ValueError, match="names: 't' is the time, which f takes"):
         Field(lambda t, y: (y[1], -y[0]), "x t")
-    with pytest.raises(TypeError, match="t0 must be left out: f of this system takes no time"):
-        flow(lambda y: (-y[0],), [1.0], time=1.0, t0=0.0)
+    with pytest.raises(TypeError, match="t0 must be left out: a Map takes no time"):
+        iterate(Map(lambda x: (x[0] / 2,), 1), [1.0], steps=1, t0=0.0)
     with pytest.raises(ValueError, match="x0 must have the shape"):
         flow(Field(lambda t, y: (t - y[0],), 1), [2.0, 0.0], time=1.0)
+    own = Field(lambda s: (-s[0], 1.0), "x t")
     with pytest.raises(TypeError, match="takes no time, which this function reads"):
-        flow(lambda s: (-s[0], 1.0), [1.0, 0.0], time=1.0, events=Event(lambda t, y: t - 1))
+        flow(own, [1.0, 0.0], time=1.0, events=Event(lambda t, y: t - 1))
     with pytest.raises(TypeError, match="not one of"):
         Field(lambda x, t=300.0: -x * t, "x")
 

@@ -378,9 +378,48 @@ def test_states_are_those_of_users(case):
     broken = flow(field, [x0, np.nan * x0], time=T).states
     np.testing.assert_array_equal(broken[:, 0], expected)
     assert np.isnan(broken[:, 1]).all()
-    if not case.takes_time:
-        with pytest.raises(TypeError, match="t0 must be left out"):
-            flow(field, x0, time=T, t0=0.0)
+    if not case.takes_time:  # the time of equations that do not read it changes nothing
+        np.testing.assert_array_equal(flow(field, x0, time=T, t0=3.0).states, expected)
+
+
+@each_case
+def test_motions_go_on(case):
+    """A motion as x0 goes on at its end, and at its time."""
+    x, t = starts_of(case)
+    field, (event, _) = case.field(), case.events()
+    first = flow(field, x, time=2.0, events=event, **case.t0(t))
+    whole = flow(field, x, time=5.0, events=event, **case.t0(t))
+    close(flow(field, first, time=3.0, events=event).final, whole.final)
+    again = flow(field, flow(field, first, time=1.0, events=event), time=2.0, events=event)
+    close(again.final, whole.final)
+    back = flow(field, flow(field, x, time=1.0, **case.t0(t)), time=-1.0)
+    close(back.final, x)
+    found = crossings(field, first, case.surface, time=3.0)
+    end = {"t0": t + 2.0} if case.takes_time else {}
+    assert found == crossings(field, first.final, case.surface, time=3.0, **end)
+    close(
+        lyapunov_exponents(field, first, time=5.0),
+        lyapunov_exponents(field, first.final, time=5.0, **end),
+    )
+
+
+def test_an_unread_time_is_no_component():
+    f = lambda y, k: (y[1], -k * np.sin(y[0]))  # noqa: E731
+    field, same = Field(f, "x v", k=1.3), Field(lambda t, y, k: f(y, k), "x v", k=1.3)
+    assert field == same
+    assert hash(field) == hash(same)
+    both = [flow(each, [0.4, 0.3], time=T, t0=[0.0, 1.0]).states for each in (field, same)]
+    np.testing.assert_array_equal(*both)
+    event = Event(lambda t, y: y[0] - t, terminal=True)
+    assert flow(field, [0.4, 0.3], time=9.0, t0=[0.0, -2.0], events=event).ok.all()
+    end = flow(field, [0.4, 0.3], time=9.0, events=Event("x - t", terminal=True))
+    assert end.final[0] == pytest.approx(end.end)
+    own = Field(lambda s: (s[1], -s[0], 1.0), "x v t")
+    with pytest.raises(TypeError, match="t is a variable"):
+        flow(own, [0.4, 0.3, 0.0], time=1.0, t0=0.0)
+    np.testing.assert_array_equal(
+        flow(own, flow(own, [0.4, 0.3, 2.0], time=1.0), time=1.0).final[2], 4.0
+    )
 
 
 def test_kahans_map_of_a_field_with_time():

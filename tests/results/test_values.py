@@ -83,9 +83,11 @@ def test_what_is_no_function_of_the_state(f, said):
         a_motion().values(f)
 
 
-def test_a_run_of_a_map_does_not_know_the_time():
+def test_a_run_of_kahans_map_knows_the_time():
     prey = Field(lambda t, y: (y[0] * (1 - y[1]), y[1] * (y[0] - 1)), "x y")
-    run = sf.iterate(prey, [1.0, 0.5], 0.1, 3)
+    run = sf.iterate(prey, [1.0, 0.5], 0.1, 3, t0=2.0)
     np.testing.assert_array_equal(run.values(lambda t, y: y[0]), run["x"])
-    with pytest.raises(TypeError, match="does not know"):
-        run.values(lambda t, y: t * y[0])
+    np.testing.assert_array_equal(run.values(lambda t, y: t * y[0]), (2 + run.time) * run["x"])
+    halves = sf.iterate(sf.Map(lambda x: (x[0] / 2,), 1), [1.0], steps=2)
+    with pytest.raises(TypeError, match="takes no time"):
+        halves.values(lambda t, y: t * y[0])

@@ -268,7 +268,8 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
     """Return what a search from the period `given` found in place of an orbit, or None."""
-    state, least = _text(search.flow.field, search.nodes[0]), _AT_REST * search.largest
+    state, least = search.nodes[0], _AT_REST * search.largest
+    state = _text(search.flow.field, np.where(abs(state) <= _AT_REST * search.sizes, 0.0, state))
     rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # per period
     if rate <= least and not search.flow.is_forced:  # the orbit does not move
         if rate * max(given / search.T, 1.0) <= least:

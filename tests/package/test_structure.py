@@ -191,6 +191,44 @@ def test_the_core_is_pure_numerics():
             assert modules <= {"suslov_fast", "numba", "numpy", "scipy", *PURE}
 
 
+# Files that call LAPACK or BLAS, whose last digits depend on the processor, and for what: no orbit
+# goes on from them. `maps/orthonormal.py` has products and decompositions with one order of sums.
+OF_LAPACK = {
+    "bodies/adapted_basis": "checks of tensors; the sign of a determinant",
+    "bodies/body": "results: vectors in space",
+    "bodies/formulas_nd": "results: eigenvalues",
+    "bodies/rigid": "results: an interval of I3",
+    "checks": "a check: rotations",
+    "core/maps/superlu": "solutions that are refined with twice as many digits",
+    "fields/lagrangian": "products of symbols; a decision: whether a matrix is definite",
+    "fields/mass": "a check: the condition number",
+    "fields/symbols": "products of symbols",
+    "integrability/degrees_of_iterates": "products of integers",
+    "integrability/symmetries": "products of integers",
+    "integrability/zoo": "products of symbols",
+    "kahan": "a check: fixed points",
+    "maps/derivatives": "results: growth of tangent vectors along orbits of large maps",
+    "maps/formulas": "results: determinants and eigenvalues",
+    "motions/equilibria": "roots by Newton's method, eigenvalues, ranks",
+    "motions/periodic_orbits": "multipliers, ranks",
+    "motions/shooting": "roots by Newton's method, ranks",
+    "motions/tangents": "a shift, rounded to a power of 2",
+    "plots/phase": "points of planes",
+    "results/figures": "lengths of lines",
+}
+
+
+def test_no_orbit_goes_on_from_last_digits_of_lapack():
+    found = set()
+    for path in TEXTS:
+        for node in nodes_of(path):
+            is_product = isinstance(getattr(node, "op", None), ast.MatMult)
+            of_module = isinstance(node, ast.ImportFrom) and "linalg" in (node.module or "")
+            if is_product or of_module or getattr(node, "attr", "") in ("linalg", "einsum"):
+                found.add(path.relative_to(PACKAGE).with_suffix("").as_posix())
+    assert found == {*OF_LAPACK}
+
+
 def test_arrays_live_longer_than_those_without_reference_counts():
     """Numba frees an array after its last use, which has to be `keep` where a function made it."""
     kept_somewhere = set()

@@ -248,7 +248,7 @@ def multipliers(
 
 def _slopes_at_fixed_points(checked: Problem) -> FloatArray:
     """Return f' (..., D, D) at fixed points; raise ValueError if f is not 0 to rounding there."""
-    x, terms = checked.omega, Terms(*checked.body._terms)
+    x, terms = checked.x, Terms(*checked.body._terms)
     (i, j, k), values = terms
     y = with_one(x)
     products = values * y[..., j] * y[..., k]

@@ -29,7 +29,7 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
     """Return states of the motion at `times`, or of the map after `times` steps if `is_number`."""
     plane, from_plane = problem.body._in_plane(problem)
     batch = plane.batch
-    flat_times, starts = flat_arrays(times, times.shape, 0), flat_arrays(plane.omega, batch)
+    flat_times, starts = flat_arrays(times, times.shape, 0), flat_arrays(plane.x, batch)
     orbits = by_constants(plane.body, plane.eps, batch), starts, float(is_number)
     states = np.empty((times.size, *starts.shape))
     reasons = np.zeros((3, len(starts)), bool)
@@ -47,5 +47,5 @@ def states_at(problem: Problem, times: FloatArray, is_number: bool) -> FloatArra
     states = states.reshape(*times.shape, *batch, 2)
     if plane is not problem:
         states = np.asarray(from_plane(states))
-        states[times == 0.0] = problem.omega  # the given states: `from_plane` rounds
+        states[times == 0.0] = problem.x  # the given states: `from_plane` rounds
     return states

@@ -18,7 +18,7 @@ from ..maps.problem import Problem
 
 def _numbers(problem: Problem) -> tuple[Any, ...]:
     """Return I1, I2, I13, I23, k, eps and the components of states, as arrays that broadcast."""
-    components = (problem.omega[..., i] for i in range(problem.omega.shape[-1]))
+    components = (problem.x[..., i] for i in range(problem.x.shape[-1]))
     return tuple(map(np.array, (*problem.body._constants, problem.eps, *components)))
 
 
@@ -222,7 +222,7 @@ def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     """Return the eigenvalues (..., 2) of f' at steady states: exactly 0 along a line of these."""
     I1, I2, _, _, k = problem.body._constants
     trace = np.trace(slopes, axis1=-2, axis2=-1)
-    at_rest = (problem.omega == 0.0).all(axis=-1)
+    at_rest = (problem.x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
     values = np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
     return values if np.any(k) else values.real

@@ -65,7 +65,7 @@ def wedge(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _momentum(problem: Problem) -> FloatArray:
-    body, omega = problem.body, problem.omega
+    body, omega = problem.body, problem.x
     whole = np.zeros((*problem.batch, 3, body.n))
     for row, part in zip(range(3), (omega, body.I, body.J * omega), strict=True):
         whole[..., row, :-1] = part
@@ -73,7 +73,7 @@ def _momentum(problem: Problem) -> FloatArray:
 
 
 def _energy(problem: Problem) -> FloatArray:
-    return 0.5 * _sum(problem.body.J * problem.omega**2)
+    return 0.5 * _sum(problem.body.J * problem.x**2)
 
 
 def _sum(terms: FloatArray) -> FloatArray:
@@ -102,7 +102,7 @@ def _sums_of_others(terms: FloatArray) -> FloatArray:
 def _modified_energy(problem: Problem) -> FloatArray:
     """Return E**2 / (E + eps**2 f.Jf / 8)."""
     E = _energy(problem)
-    f = _rates(problem.body, problem.omega, problem.omega)
+    f = _rates(problem.body, problem.x, problem.x)
     ratio = 0.125 * problem.eps * problem.eps * in_range(_sum(problem.body.J * f * f)) / E
     return np.where(E == 0.0, 0.0, E / in_range(1.0 + ratio))
 
@@ -113,7 +113,7 @@ def _reaction(problem: Problem) -> FloatArray:
     lambda_ij = I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2, with the rates
     s = (after - w) / eps.
     """
-    body, omega = problem.body, problem.omega
+    body, omega = problem.body, problem.x
     after = states_after(problem) if np.any(problem.eps) else omega
     products = omega[..., :, np.newaxis] * after[..., np.newaxis, :]
     mean = 0.5 * (products + products.swapaxes(-2, -1))
@@ -128,7 +128,7 @@ def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
     times the squares of singular values of P J**-1/2: squares of small singular values keep more
     digits than small eigenvalues have.
     """
-    body, x = problem.body, problem.omega
+    body, x = problem.body, problem.x
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)
     unit = body.I / np.where(length > 0.0, length, 1.0)
     P = np.eye(body.dimension) - unit[..., :, np.newaxis] * unit[..., np.newaxis, :]
@@ -143,7 +143,7 @@ def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArr
     It is for bodies that `reduction` describes by two coordinates, with J = (a, b) and I = (c, d),
     or whose states are all steady. The body has I1 = a, I2 = b, I13 = -d and I23 = c.
     """
-    parts, omega = problem.body._reduction, problem.omega
+    parts, omega = problem.body._reduction, problem.x
     J, I = parts.parameters(2)
     plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
     steady = parts.steady[..., np.newaxis]
@@ -152,7 +152,7 @@ def in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArr
         return np.where(steady, omega, parts.back(states, omega))
 
     states = parts.states(omega, 2)
-    return problem._replace(body=Suslov3D._of(plane), omega=states), map_back
+    return problem._replace(body=Suslov3D._of(plane), x=states), map_back
 
 
 def _criticality(problem: Problem) -> FloatArray:
@@ -177,11 +177,11 @@ def _density(problem: Problem) -> FloatArray:
     for size, of_size in ((2, _density_of_two), (3, _density_of_three)):
         has_size = ~parts.steady & (parts.count == size)
         if has_size.any():
-            x = parts.states(problem.omega, size)
+            x = parts.states(problem.x, size)
             area = (x ** parts.further(size)).prod(axis=-1)
             J, I = parts.parameters(size)
             values = np.where(has_size, of_size(J, I, problem.eps, x) / area, values)
-    return np.asarray(values + 0.0 * problem.omega.sum(axis=-1))
+    return np.asarray(values + 0.0 * problem.x.sum(axis=-1))
 
 
 def _density_of_two(J: FloatArray, I: FloatArray, eps: Any, w: FloatArray) -> FloatArray:

@@ -68,8 +68,8 @@ class BatchRun:
     def __init__(self, problem: Problem) -> None:
         self.steps = problem.map.methods[problem.method]
         self.problem, batch = problem, problem.batch
-        self.omega0 = flat_arrays(problem.omega, batch)
-        size, D = self.omega0.shape
+        self.starts = flat_arrays(problem.x, batch)
+        size, D = self.starts.shape
         self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
         self.groups: list[Any] = [(ALL, self.arguments)]
         if self.steps.divide is not None and problem.body.shape:
@@ -79,7 +79,7 @@ class BatchRun:
         self.carry = np.zeros((self.steps.carried, size))
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, batch, 2).copy()
-            self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
+            self.turned[np.isnan(self.starts).any(axis=1)] = np.nan
         # States after n steps, statuses, and numbers of the first missing states.
         self.final, self.status = np.empty((*batch, D)), np.zeros(batch, np.int8)
         self.failed_at = np.full(batch, -1)
@@ -105,7 +105,7 @@ class BatchRun:
         They are the states 0, `every`, 2 `every`, ..., or the last state alone if `every` is 0. The
         run ends earlier if `report`, which is called with a number of steps, returns False.
         """
-        (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
+        (size, D), batch, turned = self.starts.shape, self.problem.batch, self.turned
         rows = _rows(0, stop, every)
         n, turns = 0 if turned is None else D + 1, None
         saved = np.empty((rows, *batch, D))
@@ -127,7 +127,7 @@ class BatchRun:
         """Return the state after `count` steps, for a single state of a field or map; else None."""
         if self.steps.kernel is not field_steps or self.problem.batch:
             return None
-        return steps_of_one(self.arguments, self.omega0[0], count, every, saved)
+        return steps_of_one(self.arguments, self.starts[0], count, every, saved)
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
         """Continue to state `stop`, or until `report` ends the run; save states n * `every`."""
@@ -147,35 +147,35 @@ class BatchRun:
 
     def _length(self, every: int) -> int:
         """Return how many steps to take between two reports of progress."""
-        (_, D), threads = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
+        (_, D), threads = self.starts.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
         lanes, fewest = self.steps.lanes, 1
         work = 0.0  # time of one step of the whole batch on all threads
         for where, arguments in self.groups:
             cost = max(self.steps.cost(D, arguments), 0.1) + (_SAVING / every if every else 0.0)
-            blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
+            blocks = max(-(-len(self.starts if where is ALL else where) // lanes), 1)
             work += cost * blocks * lanes / min(blocks, threads)
             fewest = max(int(BETWEEN / min(cost, 4.0)), fewest)
         return max(int(CHUNK_WORK / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
         """Continue all groups of trajectories to state `stop`; save states n * `every`."""
-        size, D = self.omega0.shape
+        size, D = self.starts.shape
         final, status = self.final.reshape(size, D), self.status.reshape(size)
         failed_at = self.failed_at.reshape(size)
         output = Output(saved, final, self.carry, status, failed_at)
         for where, arguments in self.groups:
             if where is ALL:
-                self._take(arguments, self.omega0, output, stop, every)
+                self._take(arguments, self.starts, output, stop, every)
                 continue
             copies = (np.take(a, where, axis) for a, axis in zip(output, AXES, strict=True))
             part = Output(*copies)
-            self._take(arguments, self.omega0[where], part, stop, every)
+            self._take(arguments, self.starts[where], part, stop, every)
             for array, axis, copy in zip(output, AXES, part, strict=True):
                 array[(ALL, where) if axis else where] = copy
         self.n = stop
 
     def _take(
-        self, arguments: Arguments, omega0: FloatArray, output: Output, stop: int, every: int
+        self, arguments: Arguments, starts: FloatArray, output: Output, stop: int, every: int
     ) -> None:
         """Continue a group of trajectories to state `stop`, in chunks.
 
@@ -185,7 +185,7 @@ class BatchRun:
         is serial.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
-        (size, D), n, threads = omega0.shape, self.n, self.problem.threads
+        (size, D), n, threads = starts.shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
@@ -206,7 +206,7 @@ class BatchRun:
                 called_at = perf_counter()
                 taken = size if size <= _FEW else width
                 seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
-                data = arguments, omega0, span, output
+                data = arguments, starts, span, output
                 call_kernel(kernel, work, threads, *data, seconds=seconds)
                 if until == stop:
                     break
@@ -220,7 +220,7 @@ class BatchRun:
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
         """Continue to state `stop`; save states n * `every`, and the orientations to `turns`."""
-        (size, D), turned, row = self.omega0.shape, self.turned, 0
+        (size, D), turned, row = self.starts.shape, self.turned, 0
         length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop, 1))
         path = np.empty((length + 1, size, D))
         eps = flat_parameter(self.problem.eps, self.problem.batch)

@@ -81,7 +81,7 @@ def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
 
 def jacobian(problem: Problem) -> FloatArray:
     """Return the derivatives (..., D, D) of a step."""
-    x = flat_arrays(problem.omega, problem.batch)
+    x = flat_arrays(problem.x, problem.batch)
     B, D = x.shape
     out = np.empty((B, D, D))
     for where, arguments in groups_of_alike(problem) if B else ():
@@ -144,7 +144,7 @@ def growth(
     The vectors follow the transient, too, and turn to the directions in which they grow most.
     The sums end earlier if `report`, which is called with a number of steps, returns False.
     """
-    start = flat_arrays(problem.omega, problem.batch)
+    start = flat_arrays(problem.x, problem.batch)
     B, D = start.shape
     parts = [
         _Part(where, scheme, values, eps, start[where])

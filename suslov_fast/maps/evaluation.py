@@ -22,12 +22,12 @@ class Formula(NamedTuple):
     poles: bool = False  # True if infinite values are results; else they become NaN
 
 
-def evaluate(formula: Formula, map: Any, body: Any, omega: Any, eps: Any = 0.0) -> Any:
+def evaluate(formula: Formula, map: Any, body: Any, x: Any, eps: Any = 0.0) -> Any:
     """Check the arguments of a public function of a state; return its value by a `Formula`."""
     if formula.check:
         formula.check(body)
     body = body._autonomous
-    problem = check(map, body, omega, eps)
+    problem = check(map, body, x, eps)
     with np.errstate(all="ignore"):
         values = in_parts(formula.compute, problem)
     return mask_and_warn(problem, values[()], formula.poles)  # a number for a single state
@@ -61,7 +61,7 @@ def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> 
         total = values.sum()
     if math.isfinite(total):  # no value is missing: a state with NaN has no finite value
         return values
-    unknown = np.isnan(problem.omega).any(axis=-1)
+    unknown = np.isnan(problem.x).any(axis=-1)
     unknown = np.broadcast_to(unknown, problem.batch)
     axes = tuple(range(len(problem.batch), values.ndim))
     lost = np.isnan(values) if poles else ~np.isfinite(values)

@@ -30,7 +30,7 @@ def _modified_energy(problem: Problem) -> FloatArray:
     H is taken at x_next, the others at x.
     """
     (i, j, k), values = problem.body._field._energy_terms
-    x, after = with_one(problem.omega), with_one(states_after(problem))
+    x, after = with_one(problem.x), with_one(states_after(problem))
     y = x[..., i], x[..., j], x[..., k]
     z = after[..., i], after[..., j], after[..., k]
     means = (y[0] * y[1] * z[2] + y[0] * z[1] * y[2] + z[0] * y[1] * y[2]) / 3.0
@@ -38,7 +38,7 @@ def _modified_energy(problem: Problem) -> FloatArray:
 
 
 def _matrix(problem: Problem) -> FloatArray:
-    return matrix(problem.body._terms, problem.eps, problem.omega)
+    return matrix(problem.body._terms, problem.eps, problem.x)
 
 
 def _density(problem: Problem) -> FloatArray:

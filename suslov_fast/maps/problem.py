@@ -14,11 +14,11 @@ class Problem(NamedTuple):
 
     map: Any  # the record of the map, see `map_records`
     body: Any
-    omega: FloatArray  # states (..., D)
+    x: FloatArray  # states (..., D)
     eps: float | FloatArray  # 0 if there is no step size
-    batch: tuple[int, ...]  # the shape to which body, omega, eps and orientation broadcast
+    batch: tuple[int, ...]  # the shape to which body, x, eps and orientation broadcast
     threads: int | None = None
-    name: str = "omega"  # name of the states, in messages
+    name: str = "x"  # name of the states, in messages
     method: str = "auto"
     orientation: FloatArray | None = None  # rotations (..., n, n) at state 0
 
@@ -28,12 +28,12 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 def part_of(problem: Problem, where: Where) -> Problem:
     """Return the problem of a part of a batch without orientations, as views."""
-    body, omega, eps = problem.body, problem.omega, np.asarray(problem.eps)
+    body, x, eps = problem.body, problem.x, np.asarray(problem.eps)
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
-    omega, eps = omega[along(omega.shape[:-1], where)], eps[along(eps.shape, where)]
+    x, eps = x[along(x.shape[:-1], where)], eps[along(eps.shape, where)]
     batch = tuple(part.stop - part.start for part in where)
-    return problem._replace(body=body, omega=omega, eps=eps, batch=batch)
+    return problem._replace(body=body, x=x, eps=eps, batch=batch)
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
@@ -45,11 +45,11 @@ def along(shape: tuple[int, ...], where: Where) -> Where:
 def check(
     map: Any,
     body: Any,
-    omega: Any,
+    x: Any,
     eps: Any = 0.0,
     threads: int | None = None,
     *,
-    name: str = "omega",
+    name: str = "",
     components: tuple[str, ...] | None = None,
     attitude: Any = False,
     method: str | None = None,
@@ -57,20 +57,20 @@ def check(
 ) -> Problem:
     """Return a `Problem` of the checked arguments of a public function.
 
-    States `omega` may be NaN; errors call them `name`. Their `components` have by default the names
-    that the body gives. `attitude` is False, or rotations, or True for the identity;
-    `t0` is the hidden time of f.
+    States `x` may be NaN; errors call them `name`, by default as the body does. Their `components`
+    have by default the names that the body gives. `attitude` is False, or rotations, or True for
+    the identity; `t0` is the hidden time of f.
     """
-    name, turns = name.replace("omega", body._variable), None
+    name, turns = name or body._variable, None
     if components:
-        omega = checks.states(name, omega, components)
+        x = checks.states(name, x, components)
     elif t0 is not None and not body._has_eps:
         raise wrong("t0", "left out: a Map takes no time", error=TypeError)
     else:
-        omega = body._layout.enter(name, omega, t0)
+        x = body._layout.enter(name, x, t0)
     eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
     of_eps = () if type(eps) is float else eps.shape
-    shapes = {"system": body.shape, name: omega.shape[:-1], "eps": of_eps}
+    shapes = {"system": body.shape, name: x.shape[:-1], "eps": of_eps}
     if attitude is not False:
         if map.attitude is None:
             expected = "left out, because states of this map have no orientation"
@@ -80,4 +80,4 @@ def check(
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)
     method = method or next(iter(map.methods))
-    return Problem(map, body, omega, eps, batch, threads, name, method, turns)
+    return Problem(map, body, x, eps, batch, threads, name, method, turns)

@@ -180,7 +180,7 @@ def iterate(
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     steps = integer("steps", steps, 0, "the number of steps, an integer of 0 or more")
     others: Any = {"attitude": attitude, "method": method, "t0": t0}
-    problem = check(map, system, x0, eps, threads, name="omega0", **others)
+    problem = check(map, system, x0, eps, threads, name=f"{system._variable}0", **others)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         problem = problem._replace(eps=np.array(problem.eps))
     batch_run = BatchRun(problem)

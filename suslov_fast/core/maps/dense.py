@@ -64,7 +64,7 @@ def _runs_of(step):
     return runs, terms, np.isin(np.arange(step.D), [*of_one_sign(step.indices)]), step.indices
 
 
-def take_dense(threads, arguments, omega0, span, output):
+def take_dense(threads, arguments, x0, span, output):
     """Take the steps of a `Span` on `threads` threads, with the arguments of `maps.kernel`.
 
     If a lane loses digits, compile `solve_at`, and repeat the steps.
@@ -73,7 +73,7 @@ def take_dense(threads, arguments, omega0, span, output):
     trajectories = slice(span.begin, span.end)
     if span.start == 0:
         saved, final, [poles], status, failed_at = output.of(trajectories)
-        final[:] = omega0[trajectories]
+        final[:] = x0[trajectories]
         note_undefined(final, (status, failed_at, poles))
         final[status < 0] = np.nan
         if span.every:

@@ -187,11 +187,11 @@ class FieldSteps(Kernel):
         in_parts(threads, work, abandoned, threads)
 
 
-def _iterate_part(part, parts, arguments, omega0, span, output, abandoned):
+def _iterate_part(part, parts, arguments, x0, span, output, abandoned):
     """Take part `part` of `parts` of the steps of a `Span`, unless they are `abandoned`."""
     scheme, *parameters = arguments
     begin, end = span.begin, span.end
-    starts = omega0 if span.start == 0 else output.final
+    starts = x0 if span.start == 0 else output.final
     W = WIDTH if end - begin > WIDTH else min(1 << (end - begin - 1).bit_length(), 4)
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))

@@ -124,8 +124,7 @@ TABLE = (
    "and equilibria; flow(field, grid, time=t).plot() draws orbits"),
   ("plot3d", "", "plot(a, b, c), with the names of three components"),
   ("plot fplot", "plot",
-   "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot(); events are "
-   "drawn by axes.scatter(events.states[:, 0], events.states[:, 1])"),
+   "iterate(...).plot(), or flow(field, x0, time=np.linspace(0, T, 201)).plot()"),
   ("sensitivity sensitivities gradient grad adjoint tangent", "",
    "flow(..., derivatives=('x0', 'a')), and derivatives['a'] of its result"),
   ("lyapunov lyapunovspectrum lyap maxlyapunov largestlyapunov ftle sali gali megno",

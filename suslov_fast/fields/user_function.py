@@ -95,12 +95,13 @@ class UserFunction:
             elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a letter
                 how += f": use {meant}"
         elif missing:
-            how = (
-                f"pass values of its parameters, as {', '.join(f'{name}=1.0' for name in missing)}"
-            )
+            values = ", ".join(f"{name}=1.0" for name in missing)
+            how = f"pass values of its parameters, as {values}"
             if self.role == "f":
+                how = f"pass values of its parameters, Field(f, names, {values})"
+            if self.role == "f" and not self.has_time:
                 how += f"; if {missing[0]} is the time, name it t"
-            if len(missing) == len(names) - 1:
+            if len(missing) == len(names) - 1 and not self.has_time:
                 how += f", or lambda x: {self.role}(*x) if these are the variables"
         else:
             how = "pass lambda x: ..."

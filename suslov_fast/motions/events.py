@@ -19,6 +19,7 @@ from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
 from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..fields.html import html_table
 from ..fields.layout import parts_of_name
+from ..keywords import public
 from ..results.result import Result
 from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
@@ -176,6 +177,38 @@ class Events(Result):
             "_given": given,
             "trajectory": np.zeros_like(attributes["trajectory"]),
         }
+
+    @public
+    def plot(self, *names: int | str, color: Any = None, ax: Any = None, **style: Any) -> Any:
+        """Draw the states after the events as dots, such as a Poincare section (extra `plots`).
+
+        Parameters
+        ----------
+        *names : int or str
+            Two or three components, by index or name, also "time"; by default the first two.
+        color : str or array_like(float, shape=(...)), optional
+            As in :meth:`Motion.plot`; by default colours show the parameter of a family.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default axes of a new figure.
+        **style
+            Arguments of Matplotlib's `scatter`, such as ``s=2``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> from suslov_fast import Field, crossings
+        >>> hill = lambda x: (x[0]**2 + x[1]**2 + x[2]**2 + x[3]**2) / 2 + x[0]**2 * x[1]
+        >>> field = Field.from_hamiltonian(hill, "x y px py")
+        >>> section = crossings(field, [0.0, 0.1, 0.3, 0.0], "x", time=100.0, direction="up")
+        >>> section.plot("y", "py").figure.savefig("section.png")  # doctest: +SKIP
+        """
+        from ..results.figures import plot_events
+
+        chosen = self.body._layout.drawn(names or (0, 1))
+        return plot_events(self, chosen, color, ax, style)
 
     def split(self) -> list[Events]:
         """Return the events of each trajectory, a list in the order of the batch, flattened.

@@ -21,7 +21,7 @@ except ImportError:
     extra("matplotlib", "plots")  # raises an error that says how to install it
     raise
 
-__all__ = ["COLOURS", "axes_for", "plot_run", "plt", "symbol"]
+__all__ = ["COLOURS", "axes_for", "plot_events", "plot_run", "plt", "symbol"]
 # Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.78, 256)))
 _MANY = 100_000  # more states are not joined by default; more numbers in them: pixels in PDF files
@@ -106,12 +106,36 @@ def plot_run(
         if 0.0 < np.max(extents) <= _EQUAL * np.min(extents):
             limits = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
             axes.set_box_aspect(np.ptp(limits, axis=1), zoom=_ZOOM)
-    labels = ["$t$" if k == _TIME else symbol(str(run.body._layout.parts[k])) for k in chosen]
-    axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
+    _label(axes, run, chosen)
     if axes.get_legend_handles_labels()[1]:
         # The best place takes seconds to find among many points.
         axes.legend(fontsize="small", loc="upper right" if states.size > _MANY else "best")
     return axes
+
+
+def plot_events(events: Any, components: Any, color: Any, ax: Any, given: Any) -> Any:
+    """Draw the states of events, and return the axes; see `Events.plot`."""
+    chosen = _components(events, components)
+    axes = axes_for(ax, (5.4, 5.0), len(chosen))
+    parts = events.body._layout.of_parts(events.states)
+    columns = [events.time if k == _TIME else parts[:, k] for k in chosen]
+    numbers, name, fixed = _colours(events, color)
+    size = next((each for most, each in _SIZES.items() if len(parts) <= most), 1)
+    style: dict[str, Any] = {"s": size**2, "linewidths": 0, "rasterized": len(parts) > _MANY}
+    if numbers is None:
+        axes.scatter(*columns, **{"color": fixed or "k"} | style | given)
+    else:
+        shades = {"c": numbers[events.trajectory], "cmap": COLOURS}
+        dots = axes.scatter(*columns, **shades | style | given)
+        axes.figure.colorbar(dots, ax=axes, label=name, shrink=0.8)
+    _label(axes, events, chosen)
+    return axes
+
+
+def _label(axes: Any, run: Any, chosen: list[int]) -> None:
+    """Write the names of components at the axes."""
+    labels = ["$t$" if k == _TIME else symbol(str(run.body._layout.parts[k])) for k in chosen]
+    axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
 
 
 def _components(run: Any, components: Sequence[Any]) -> list[int]:

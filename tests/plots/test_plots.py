@@ -104,6 +104,20 @@ def test_portraits(field):
     ]
 
 
+def test_events_are_dots():
+    """At their states, in the colour of the parameter; over time, too."""
+    family = sf.Field(lambda x, k: (x[1], -k * x[0]), "x v", k=[1.0, 4.0])
+    section = sf.crossings(family, [1.0, 0.0], "x", time=10.0)
+    [dots] = section.plot("x", "v").collections
+    np.testing.assert_array_equal(dots.get_offsets(), section.states)
+    np.testing.assert_array_equal(dots.get_array(), [1.0, 4.0][:1] * 3 + [4.0] * 6)
+    axes = section.plot("time", "v", color="red", s=3)
+    [dots] = axes.collections
+    np.testing.assert_array_equal(dots.get_offsets(), np.c_[section.time, section["v"]])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$t$", "$v$")
+    assert sf.crossings(family[0], [1.0, 0.0], "x", time=10.0).plot(ax=axes) is axes
+
+
 # ------------------------------------------------------------------ time, space, colours
 def saddle_run():
     field = sf.Field.from_hamiltonian(

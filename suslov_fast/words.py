@@ -217,12 +217,6 @@ OF_ARRAYS = {
     **dict.fromkeys(
         ("searchsorted", "digitize", "astype"), f"{STEPS} for values[k] from knots[k] on"
     ),
-    "gradient": "np.concatenate([[x[1] - x[0]], (x[2:] - x[:-2])/2, [x[-1] - x[-2]]])",
-    **dict.fromkeys(("fft", "ifft", "rfft", "irfft"), "a product with a matrix of numbers"),
-    **dict.fromkeys(
-        ("solve", "det", "inv"),
-        "mass=M of a Field for M(x) x' = f(x), or np.linalg.inv(M) @ b of numbers",
-    ),
 }
 
 

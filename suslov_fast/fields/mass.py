@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from ..checks import real_array, short, wrong
 from ..core.expressions.numpy_evaluation import evaluate
 from .complex_symbols import parts_of_number
 from .symbols import Symbol
-from .tracer import Tracer
-from .user_function import UserFunction
+
+if TYPE_CHECKING:
+    from .tracer import Tracer
+    from .user_function import UserFunction
 
 _LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is below this
 # A difference counts as 0 if it is below _CANCELLED times its terms' moduli in a fraction _MOST or
@@ -41,7 +43,7 @@ def check_both(f: UserFunction, mass: Any, names: Any, parameters: Mapping[str, 
 def rates(tracer: Tracer, mass: Any, right: Sequence[Any]) -> list[Any]:
     """Return the operands of M^-1 f, for the operands `right` of f."""
     D, layout = len(right), tracer.layout
-    if isinstance(mass, UserFunction):
+    if hasattr(mass, "formulas"):
         entries = mass.formulas(tracer)
     else:
         matrix = np.asarray(mass) if layout.has_pairs else real_array("mass", mass)

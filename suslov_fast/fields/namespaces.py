@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .scipy_tables import at_symbols, is_table
-from .script_functions import IN_PLACE, IN_PLACE_FILLING_ALL, OF_BUILTINS, taking_lists
+from .script_functions import IN_PLACE, IN_PLACE_FILLING_ALL, OF_BUILTINS, of_scipy, taking_lists
 
 _KEPT = {*sys.stdlib_module_names, "numpy", "scipy", "numba", "suslov_fast"} - {"__main__"}
 _MOST_ENTRIES = 100  # longer lists hold data
@@ -100,6 +100,8 @@ class Names:
         known = self._exchanged.get(id(value)) or self._known.get(id(value))
         if known is not None:
             return lambda _: known[1]
+        if (found := of_scipy(value)) is not None:
+            return lambda value: self._keep(value, found)
         if kind is FunctionType:
             return None if _is_kept(value.__globals__.get("__name__")) else self._function
         if kind in self._makers:

@@ -85,7 +85,7 @@ def _interp1d(table: Any, t: Any) -> Any:
     if y.ndim != 1:
         raise Untraceable("interp1d of several rows: write one interp1d for each")
     if kind == "spline":
-        value = _spline(table._spline, t, extrapolate=True)
+        [value] = np.ravel(_spline(table._spline, t, extrapolate=True))
     elif kind == "linear":
         slopes = np.diff(y) / np.diff(x)
         is_line = isinstance(table.fill_value, str)

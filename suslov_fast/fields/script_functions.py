@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .linear_algebra import det, inv, linear, solve
 from .symbols import Symbol, Symbols, Untraceable, applied, as_symbols, has_symbols
 
 _OF_MATH = {
@@ -123,9 +124,47 @@ def _filling(make: Any, fills_all: bool) -> Callable[..., Any]:
     return function
 
 
+_OF_MATRICES = {"solve": solve, "inv": inv, "det": det}
+_LINEAR = "fft", "ifft", "rfft", "irfft", "dct", "idct", "dst", "idst", "diff", "hilbert"
+_OF_SCIPY = "scipy.linalg", "scipy.fft", "scipy.fftpack"
+
+
+def _with_numbers(plain: Any, traced: Any) -> Any:
+    """Return a function of matrices; those of numbers that f filled go to `plain`."""
+
+    @functools.wraps(plain)
+    def function(*given: Any, **options: Any) -> Any:
+        if not has_symbols(given):
+            return plain(*given, **options)
+        arrays = [np.asarray(a, object) for a in given]
+        if any(isinstance(each, Symbol) for a in arrays for each in a.ravel()):
+            return traced(*given, **options)
+        return plain(*(np.real_if_close(a.astype(complex)) for a in arrays), **options)
+
+    return function
+
+
+def of_scipy(value: Any) -> Any:
+    """Return a function of SciPy for matrices, or a transform, one for symbols; else None."""
+    module, name = str(getattr(value, "__module__", "")), str(getattr(value, "__name__", ""))
+    if not module.startswith(_OF_SCIPY):
+        return None
+    if module.startswith("scipy.linalg") and name in _OF_MATRICES:
+        return _with_numbers(value, _OF_MATRICES[name])
+    is_transform = name in _LINEAR and not module.startswith("scipy.linalg")
+    return either(value, linear(value)) if is_transform else None
+
+
+def _of_numpy() -> list[tuple[Any, Any]]:
+    pairs = [(getattr(np.linalg, name), rule) for name, rule in _OF_MATRICES.items()]
+    transforms = [getattr(np.fft, name) for name in _LINEAR[:4]]
+    return pairs + [(f, linear(f)) for f in transforms]
+
+
 def _exchanged(fills_all: bool) -> dict[int, tuple[Any, Any]]:
     made = [getattr(np, name) for name in (*_FILLED, *_OF_NUMBERS)]
-    return _in_place() | {id(make): (make, _filling(make, fills_all)) for make in made}
+    table = {id(f): (f, _with_numbers(f, rule)) for f, rule in _of_numpy()}
+    return table | _in_place() | {id(make): (make, _filling(make, fills_all)) for make in made}
 
 
 # Functions, by their ids, with those in their place. With the second table f can also fill arrays

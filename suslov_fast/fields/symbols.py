@@ -337,8 +337,17 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.iscomplex: lambda z: np.imag(z) != 0,
     np.iscomplexobj: lambda z: _are_complex(z),
     np.isrealobj: lambda z: not _are_complex(z),
+    np.gradient: lambda *given, **options: _gradient(*given, **options),
     np.linalg.norm: lambda z, *others, **options: _norm(z, *others, **options),
 }
+
+
+def _gradient(f: Any, spacing: Any = 1.0, *others: Any, axis: Any = 0, edge_order: Any = 1) -> Any:
+    """Return np.gradient of a vector, from the gradients of unit vectors."""
+    if others or np.ndim(f) != 1 or axis not in (None, 0, -1) or has_symbols([spacing]):
+        raise Untraceable("np.gradient of symbols takes a vector, and places of numbers")
+    weights: Any = np.gradient(np.eye(len(f)), spacing, axis=0, edge_order=edge_order)
+    return np.array([row[row != 0.0] @ f[row != 0.0] for row in weights], object).view(Symbols)
 
 
 def _on_angles(z: Any) -> Any:

@@ -25,7 +25,6 @@ from .terms import Terms
 
 _ONE = np.arange(1)
 _MOST_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
-_MOST_FORMS = 64  # the most forms, equations without their constants, in `_known_forms`
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
 # A program of up to _MOST_OPERATIONS operations is compiled after _PATIENCE calls in NumPy, because
 # compiling it takes no longer than these calls took.
@@ -36,7 +35,6 @@ _LONG = 4000  # number of terms above which loops, not a list, compute f if few 
 # None for motions without derivatives.
 Names = tuple[str, ...] | None
 Actions = tuple[EventAction, ...]
-_known_forms: dict[Any, tuple[float, ...]] = {}  # by form: constants of its first equations
 
 
 class OfMembers(NamedTuple):
@@ -56,7 +54,7 @@ def _with_constants(
     if actions:
         actions, constants = with_parameters(actions, len(equations.all_names))
     else:
-        equations, constants = _of_known_form(equations)
+        equations, constants = _without_constants(equations)
     return _of_list(equations, wrt, actions, len(constants) * bool(actions)), constants
 
 
@@ -87,24 +85,19 @@ def _has_branches_of_products(values: Any) -> bool:
     )
 
 
-def _of_known_form(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
+def _without_constants(equations: Equations) -> tuple[Equations, tuple[float, ...]]:
     """Return equations in which constants are parameters, and these constants.
 
-    So functions that differ only in numbers, as in a sweep, share machine code. The first function
-    of a form keeps its constants and has machine code of its own; then no constants are returned.
+    So functions that differ only in numbers, as in a loop or a sweep, share machine code.
     """
     names = {name for name, _, _ in equations.products[0].operations}
-    special = not names.isdisjoint(_WITH_BRANCHES)
-    if special or any(is_table(name) or is_matrix(name) for name in names):
+    has_branches = not names.isdisjoint(_WITH_BRANCHES)
+    if has_branches or any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
     invariants, constraints, positions = equations.invariants
     program = KeyedProgram.of(equations.values, [*equations.results, *invariants])
     (form,), constants = with_parameters([EventAction(None, program, 0, 1)], count)
-    if len(_known_forms) >= _MOST_FORMS:
-        _known_forms.clear()
-    if _known_forms.setdefault((equations.parameters, form), constants) == constants:
-        return equations, ()
     values = Expressions(
         count + len(constants), range(len(equations.names), count + len(constants))
     )

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import arguments_of, short, wrong
+from ..checks import short, wrong
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
 from .mass import Samples, is_zero, less, product_of, solved, sum_of
-from .names import TIME, variables, with_time
+from .names import variables, with_time
 from .symbols import Symbol, Symbols
 from .tracer import Tracer
 from .trigonometry import shorter
@@ -65,19 +65,20 @@ class _Functions:
     """
 
     def __init__(self, q: Sequence[str], u: Sequence[str], functions: Any, values: Any) -> None:
-        self.given = {name: f for name, f in functions.items() if f is not None}
-        known = [*values, *TIME]
-        self.uses = {name: UserFunction(name, f, known).takes for name, f in self.given.items()}
+        self.n, self.m = sizes = len(q), len(u)
+        self.given = {
+            name: UserFunction(name, f, values, sizes)
+            for name, f in functions.items()
+            if f is not None
+        }
         for name, f in self.given.items():
-            first, others = arguments_of(f)[:2], arguments_of(f)[2:]
-            lost = [a for a in others if a not in self.uses[name]]
-            if lost or len(first) < 2:
+            lost = [a for a in f.needed[2:] if a not in f.takes]
+            if lost or len(f.needed) < 2:
                 how = f"pass a value of {lost[0]}" if lost else "write lambda q, v: ..."
-                raise wrong(name, _FUNCTION, f"one of {arguments_of(f)}: {how}", TypeError)
-        if idle := [p for p in values if not any(p in uses for uses in self.uses.values())]:
+                raise wrong(name, _FUNCTION, f"one of {f.needed}: {how}", TypeError)
+        if idle := [p for p in values if not any(p in f.takes for f in self.given.values())]:
             raise TypeError(f"from_lagrangian: no function has the parameter {idle[0]!r}")
-        takes_time = any(TIME & {*uses} for uses in self.uses.values())
-        self.n, self.m = len(q), len(u)
+        takes_time = any(f.has_time for f in self.given.values())
         layout = with_time(variables((*q, *u)), takes_time)
         self.tracer = Tracer(layout, [*values])
         self.places = [*range(self.n), *range(layout.size, layout.D)]
@@ -92,14 +93,7 @@ class _Functions:
         """Return the results of a function, an array; zeros if it was not given."""
         if name not in self.given:
             return np.zeros(count or 0, object) + 0.0
-        f, n = self.given[name], self.n
-
-        def of_state(x: Any, **values: Any) -> Any:
-            values |= dict.fromkeys(TIME, self.tracer.time)
-            own = {each: values[each] for each in self.uses[name]}
-            return f(x[:n], x[n : n + self.m], **own)
-
-        rows = UserFunction(name, of_state, self.tracer.parameters).formulas(self.tracer)
+        rows = self.given[name].formulas(self.tracer)
         if count not in (None, len(rows)):
             raise wrong(name, f"{count} components", f"{len(rows)}")
         return _array(self.tracer, rows)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .linear_algebra import det, inv, linear, solve
-from .symbols import Symbol, Symbols, Untraceable, applied, as_symbols, has_symbols
+from .symbols import Symbol, Symbols, Untraceable, applied, as_symbols, has_symbols, is_complex
 
 _OF_MATH = {
     "fabs": "abs", "pow": "power", "asin": "arcsin", "acos": "arccos", "atan": "arctan",
@@ -39,6 +39,15 @@ def _extreme(ufunc: Any, *given: Any) -> Any:
 
 def _log(a: Any, base: Any = math.e) -> Any:
     return np.log(a) if base == math.e else np.log(a) / np.log(base)
+
+
+def _of_reals(name: str, function: Any) -> Any:
+    def of_reals(*given: Any) -> Any:
+        if any(map(is_complex, given)):
+            raise Untraceable(f"math.{name} takes real numbers: write cmath.{name}")
+        return function(*given)
+
+    return of_reals
 
 
 def _distance(a: Any, b: Any) -> Any:
@@ -95,7 +104,7 @@ OF_BUILTINS = {
 
 def _in_place() -> dict[int, tuple[Any, Any]]:
     """Return the table of functions of `math` and `cmath`."""
-    pairs = [(getattr(math, a), getattr(np, b)) for a, b in _OF_MATH.items()]
+    pairs = [(getattr(math, a), _of_reals(a, getattr(np, b))) for a, b in _OF_MATH.items()]
     pairs += [(getattr(cmath, a), getattr(np, b)) for a, b in _OF_MATH.items() if hasattr(cmath, a)]
     pairs += [(of.log, _log) for of in (math, cmath)] + [(cmath.phase, np.angle)]
     pairs += [(math.fsum, sum), (math.dist, _distance)]
@@ -180,7 +189,8 @@ class _TakingLists:
 
     def __call__(self, *given: Any, **options: Any) -> Any:
         if list in (kinds := [*map(type, given)]) or tuple in kinds:
-            given = tuple(map(as_symbols, given))
+            whole = self._function.__name__ not in _OF_SEQUENCES
+            given = tuple(as_symbols(a, whole) for a in given)
         return self._function(*given, **options)
 
     def __getattr__(self, name: str) -> Any:
@@ -188,6 +198,10 @@ class _TakingLists:
         return _TakingLists(value) if callable(value) else value
 
 
+# Functions of lists of arrays, which they join.
+_OF_SEQUENCES = {
+    *"concatenate stack hstack vstack dstack column_stack block select piecewise append".split()
+}
 _KINDS = np.ufunc, type(np.sum)
 
 

@@ -160,20 +160,21 @@ def has_symbols(values: Any) -> bool:
     return any(_is_symbolic(a) or (type(a) in (list, tuple) and has_symbols(a)) for a in values)
 
 
-def as_symbols(value: Any) -> Any:
+def as_symbols(value: Any, whole: bool = True) -> Any:
     """Return a list or tuple with symbols as an array of them; other values as they are.
 
-    Lists of arrays, as for `np.block`, and rows of different lengths stay lists.
+    Rows of different lengths stay a list, and a list of arrays does unless it is to be one `whole`.
     """
     if type(value) not in (list, tuple) or not has_symbols(value):
         return value
-    rows = [as_symbols(a) if type(a) in (list, tuple) else a for a in value]
-    made = [isinstance(a, np.ndarray) and a is not b for a, b in zip(rows, value, strict=True)]
-    if any(made):
-        is_regular = all(made) and len({a.shape for a in rows}) == 1
-        return np.stack(rows) if is_regular else type(value)(rows)
-    has_others = any(isinstance(a, (np.ndarray, list, tuple)) for a in rows)
-    return value if has_others else Symbols.of(rows)
+    rows = [as_symbols(a, whole) if type(a) in (list, tuple) else a for a in value]
+    shapes = {np.shape(a) for a in rows}
+    is_of_lists = not any(isinstance(a, np.ndarray) for a in value)
+    if len(shapes) > 1 or list in (kinds := {*map(type, rows)}) or tuple in kinds:
+        return type(value)(rows)
+    if shapes == {()}:
+        return Symbols.of(rows)
+    return np.stack(rows).view(Symbols) if whole or is_of_lists else type(value)(rows)
 
 
 def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any) -> Any:

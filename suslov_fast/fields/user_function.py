@@ -45,15 +45,17 @@ class UserFunction:
         self.role, self.f, self.sizes = role, f, sizes
         self.signature = signature_of(f)
         every = [*self.signature.parameters.values()] if self.signature else []
-        ordinary = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
-        leading = [a.name for a in every if a.kind in ordinary and a.default is a.empty]
+        needed = [a for a in every if a.default is a.empty and a.kind not in _STARS]
         states = 2 if sizes else 1
-        among = leading if sizes else leading[: states + 1]
-        times = [k for k, name in enumerate(among) if name in TIME]
-        has_states = len(leading) > states and not {*leading[: states + 1]} & {*parameters}
+        first = [a.name for a in needed[: states + 1] if a.kind is not a.KEYWORD_ONLY]
+        times = [a for a in (needed if sizes else needed[:2]) if a.name in TIME]
+        has_states = len(first) > states and not {*first} & {*parameters}
         self.has_time = len(times) == 1 and (has_states or bool(sizes))
-        self._place = min(times[0], states) if self.has_time else 0
-        self._others = [a for k, a in enumerate(every) if not self.has_time or k != times[0]]
+        time = times[0] if self.has_time else None
+        self._others = [a for a in every if a is not time]
+        # The time is passed by its place among the first arguments, else by its name.
+        self._place = first.index(time.name) if time and time.name in first else -1
+        self._time = time.name if time else ""
         self.takes_all = any(a.kind is a.VAR_KEYWORD for a in every)
         self.takes = self.taken(parameters)
 
@@ -63,6 +65,11 @@ class UserFunction:
             return []
         known = {each.name for each in self._others[2 if self.sizes else 1 :]}
         return [name for name in parameters if self.takes_all or name in known]
+
+    @property
+    def needed(self) -> list[str]:
+        """The names of arguments without a default, except the time: first those of the state."""
+        return [a.name for a in self._others if a.default is a.empty and a.kind not in _STARS]
 
     # ------------------------------------------------------------------------------ checks
     def check(self, names: Sequence[str], parameters: Mapping[str, Any]) -> None:
@@ -75,7 +82,7 @@ class UserFunction:
             return
         others = self._others[1:]
         known = [each.name for each in others]
-        needed = [a.name for a in self._others if a.default is a.empty and a.kind not in _STARS]
+        needed = self.needed
         missing = [name for name in needed[1:] if name not in parameters]
         unknown = [name for name in parameters if name not in known]
         signature = self.signature
@@ -139,13 +146,14 @@ class UserFunction:
         """Return what f returns at symbols; TypeError or ValueError if it does not accept them."""
         x, n = tracer.state, self.sizes[0] if self.sizes else 0
         given = [x[:n], x[n : sum(self.sizes)]] if self.sizes else [x]
-        if self.has_time:
+        options = {name: tracer.parameters[name] for name in self.taken(tracer.parameters)}
+        if self._place >= 0:
             given.insert(self._place, tracer.time)
+        elif self.has_time:
+            options[self._time] = tracer.time
         before = MADE.count
         try:
-            value = f(
-                *given, **{name: tracer.parameters[name] for name in self.taken(tracer.parameters)}
-            )
+            value = f(*given, **options)
         except _FAILURES as error:
             kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
             raise kind(_text_of(error, x)) from error

@@ -8,6 +8,7 @@ from math import sin
 import numpy as np
 import pytest
 from numpy import zeros
+from scipy import fftpack
 from scipy.interpolate import BSpline, CubicSpline, interp1d, make_interp_spline
 
 from suslov_fast import Event, Field, Map, flow, iterate
@@ -244,4 +245,67 @@ def test_lists_of_symbols_are_arrays_in_numpys_functions():
 
     z = np.array([1 + 2j, 3 - 4j])
     expected = [2 + np.sqrt(30), 1j]
+    assert Field(lambda z: np.imag([z, 2 * z])[1], 2, complex=True)(z).tolist() == [4, -8]
+    with pytest.raises(TypeError, match=r"write cmath\.sin"):
+        Field(lambda z: math.sin(z[0]), 1, complex=True)
     np.testing.assert_allclose(Field(lambda z: (f(z)[0][0], f(z)[1]), 2, complex=True)(z), expected)
+
+
+def test_linear_algebra_of_symbols_beside_numpy():
+    def by_solve(y):
+        M = np.array([[2 + np.cos(y[1]), 0.3, 0.0], [0.3, 1.0 + y[0] ** 2, y[2]], [0.0, y[2], 1.0]])
+        return np.linalg.solve(M, y) + np.linalg.inv(M) @ y * np.linalg.det(M)
+
+    def by_numbers(y):
+        J = np.zeros((3, 3))
+        J[0, 1], J[1, 2], J[2, 0] = 1.0, 2.0, 4.0
+        return np.linalg.inv(J) @ y
+
+    states = np.random.default_rng(0).normal(size=(30, 3))
+    for f in (by_solve, by_numbers):
+        expected = [f(y) for y in states]
+        np.testing.assert_allclose(Field(f, 3)(states), expected, rtol=1e-11, atol=1e-12)
+    with pytest.raises(TypeError, match="singular"):
+        Field(lambda y: np.linalg.solve([[y[0], y[1]], [y[0], y[1]]], y), 2)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda u: np.fft.ifft(1j * np.arange(-8, 8) * np.fft.fft(u)).real,
+        lambda u: np.fft.irfft(1j * np.arange(9) * np.fft.rfft(u)),
+        lambda u: fftpack.diff(u, period=3.0, order=3),
+        lambda u: u * np.gradient(u, 0.25),
+        lambda u: np.gradient(u, np.arange(16.0) ** 1.5, edge_order=2),
+    ],
+)
+def test_transforms_and_differences_beside_numpy(f):
+    u = np.random.default_rng(3).normal(size=(4, 16))
+    np.testing.assert_allclose(
+        Field(lambda t, u: f(u), 16)(u), [f(row) for row in u], atol=1e-11, rtol=1e-12
+    )
+
+
+def test_functions_that_differ_in_numbers_share_machine_code():
+    """An f that is made anew in a loop is compiled once, whatever number it captures."""
+    codes = []
+    for k in (2.0, 3.0, 7.5):
+        field = Field(lambda s, k=k: [-k * s[0] * np.cos(s[0]) + k / 4.0], 1)
+        [(_, f, table)] = field._right_hand_sides
+        assert f.value(np.array([0.5]), table[0]) == field([0.5])
+        codes.append(f.key)
+    assert len({*codes}) == 1
+
+
+def test_time_has_any_place_in_lagrangians():
+    first, *others = (
+        Field.from_lagrangian(L, "x", k=2.0)
+        for L in (
+            lambda q, v, t, k: v @ v / 2 - k * np.cos(t) * q @ q,
+            lambda t, q, v, k: v @ v / 2 - k * np.cos(t) * q @ q,
+            lambda q, v, k, t: v @ v / 2 - k * np.cos(t) * q @ q,
+            lambda q, v, k, *, time: v @ v / 2 - k * np.cos(time) * q @ q,
+        )
+    )
+    assert all(each == first for each in others)
+    np.testing.assert_allclose(first([1.0, 0.5], t=0.7), [0.5, -4 * np.cos(0.7)])

@@ -45,6 +45,7 @@ class Constraints:
         """The `Program` `test_of_start` of a state and parameters."""
         D, k = self.D, self.count
         f = SimpleNamespace(D=D, positions=self.parts[0].stop, constraints_count=k, steady=())
+        f.clocks = range(self.parts[1].stop, D)
         f.invariants, f.invariants_count, f.invariants_places = self.program, k, self.places
         f.table = range(D, D + self.parameters)
         f.places = {p: p - D for p in f.table}

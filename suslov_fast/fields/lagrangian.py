@@ -140,17 +140,20 @@ def of_lagrangian(
     L, of_u = traced.shorter(traced.symbols("L")), range(n, n + m)
     p = slopes(tracer, L, of_u)[0]
     M, r = _inertia(traced, L, p, algebra)
-    r = r - traced.symbols("forces", m)
+    forces = traced.symbols("forces", m)
+    pairs = zip(traced.shorter(-r), forces, strict=True)
+    b = _filled([sum_of([(1.0, a), (1.0, Q)]) for a, Q in pairs])
     phi, g, holonomic = _constraints(traced)
     A, c = slopes(tracer, phi, of_u), -(slopes(tracer, phi, traced.places) @ flows)
     elimination = _elimination(traced, M, A, parameters)
-    rates, multipliers = elimination.solution(-r, c)
+    rates, multipliers = elimination.solution(b, traced.shorter(c))
     quantities = {"energy": [traced.velocities @ p - L[0]], "momenta": p}
     if len(A):
         shift = np.zeros(len(A), object) + 0.0
         shift[holonomic] = -g
-        move, _ = elimination.solution(0.0 * r, shift)
-        change, _ = elimination.solution(0.0 * r, -phi)
+        at_rest = np.zeros(m, object) + 0.0
+        move, _ = elimination.solution(at_rest, shift)
+        change, _ = elimination.solution(at_rest, -phi)
         B = slopes(tracer, flows[:n], of_u)
         state = _array(tracer, range(tracer.D))
         residuals = np.concatenate([phi, g])

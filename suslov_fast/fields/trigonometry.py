@@ -77,6 +77,8 @@ class _Formulas:
         rest, total = self.at_rest[operand], self._emitted(moved)
         if isinstance(rest, float) and rest == 0.0:
             return total
+        if isinstance(total, float) and total == 0.0:
+            return rest
         return self.values.emit("fadd", total, rest)
 
     def expanded(self, operand: Any) -> Polynomial:
@@ -126,7 +128,7 @@ class _Formulas:
         most = max(counts.values())
         if len(polynomial) == 1:
             [(monomial, coefficient)] = polynomial.items()
-            for a, power in monomial:
+            for a, power in sorted(monomial, key=lambda each: each[0] not in self.values.fixed):
                 for _ in range(power):
                     total = a if total is None else emit("fmul", total, a)
             return total if coefficient == 1.0 else emit("fmul", coefficient, total)
@@ -161,6 +163,8 @@ def _with_zeros(values: Any, name: str, *of: Any) -> Any:
         return of[0]
     if name == "fadd" and zeros[0]:
         return of[1]
+    if name == "fsub" and zeros[0]:
+        return values.emit("fmul", -1.0, of[1])
     return values.emit(name, *of)
 
 

@@ -521,6 +521,24 @@ def test_projected_states():
             pendulum().mechanics.projected(bad)
 
 
+def test_moving_supports_are_no_velocities():
+    """The rank of constraints of q and t is that of their slopes by q alone."""
+    rod = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1],
+        "x y",
+        constraints=lambda q, v, t, a: (q[0] - a * sin(3 * t)) ** 2 + q[1] ** 2 - 1,
+        a=[0.0, 0.1],
+    )
+    start = rod.mechanics.projected([0, -1.0, 0, 0])
+    x = flow(rod, start, time=2.0, rtol=1e-11).states[0]
+    # a'' = -sin(a) - X'' cos(a) for the angle a, and X = 0.1 sin(3 t)
+    angle = flow(
+        lambda t, x: (x[1], -sin(x[0]) + 0.9 * sin(3 * t) * cos(x[0])), [0, -0.3], time=2.0
+    ).states[0]
+    assert_allclose(x[0], [0, -1, 0, 0], atol=1e-14)
+    assert_allclose(x[1, :2], [0.1 * sin(6.0) + sin(angle[0]), -cos(angle[0])], atol=1e-8)
+
+
 def test_files_and_families():
     field, x = edge(2.0), [0, 0, 1, 0, 0, 1]
     again = Field.from_dict(field.to_dict())

@@ -67,7 +67,8 @@ class _Formulas:
 
     def halves(self):
         """Return (rows, components): constraints g and coordinates, then phi and velocities."""
-        q, v = range(self.f.positions), range(self.f.positions, self.f.D)
+        q = range(self.f.positions)
+        v = {*range(self.f.positions, self.f.D)}.difference(self.f.clocks)
         rows = range(self.f.constraints_count)
         phi = [a for a in rows if any(j in v for j in self.slopes[a])]
         return ([a for a in rows if a not in phi], q), (phi, v)

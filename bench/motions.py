@@ -194,7 +194,7 @@ LATTICE_TOLERANCES = {
 }
 METHODS = {
     "flow": (OURS, "`flow`", by_flow),
-    "dop853": (C, "C, DOP853, 8 lanes", "dop853.in_lanes"),
+    "dop853": (C, "C, DOP853, 8 at once", "dop853.in_lanes"),
     "heyoka": (OTHERS, "heyoka, Taylor integrator, 16 at once", "motions.by_heyoka"),
     "lsoda": (OTHERS, "SciPy, `odeint`, f by Numba", "motions.by_odeint"),
 }

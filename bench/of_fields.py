@@ -50,7 +50,7 @@ AT_ERRORS = {
     "flow": (OURS, "`flow`", work.by_flow, None, {1e-3: 3.2e-3, 1e-6: 1e-5, 1e-9: 3.2e-8}),
     "dop853": (
         C,
-        "C, DOP853, 8 lanes",
+        "C, DOP853, 8 at once",
         "dop853.in_lanes",
         "henon-heiles",
         {1e-3: 1.3e-3, 1e-6: 1e-6, 1e-9: 2e-9},

@@ -186,7 +186,7 @@ def solved(
         "status": status,
         "end": end,
         "_again": again,
-        "_start": np.array(x).reshape(*batch, x.shape[1]),
+        "_start": x.copy().reshape(*batch, x.shape[1]) if batch else x[0].copy(),
         "_t0": times_of(t0, batch),
     }
     if names:

@@ -5,6 +5,7 @@ from fractions import Fraction as F
 from itertools import islice
 
 import pytest
+import sympy
 
 from suslov_fast import Field, Map
 from suslov_fast.integrability import kahan, locus, planar_entropy, rational_map, repairs
@@ -77,6 +78,25 @@ def length_of_orbit(a, b, p):
         if not (x or y or z):
             return n
     return None
+
+
+def test_the_law_of_three_lines():
+    """((1 + A) / (1 - A))^(n - 1) = (1 + B) (1 + C) / ((1 - B) (1 - C)) with A = eps r a / 2."""
+    found = {text for c in locus(LINES, 5, letters="a b c r") for text in texts_of(c)}
+    eps, r, *letters = sympy.symbols("eps r a b c")
+    for k in range(3):
+        A, B, C = (eps * r * letter / 2 for letter in letters[k:] + letters[:k])
+        for n in range(1, 6):
+            law = (1 + A) ** (n - 1) * (1 - B) * (1 - C) - (1 - A) ** (n - 1) * (1 + B) * (1 + C)
+            (factor,) = (f for f, _ in sympy.factor_list(law)[1] if f not in (eps, r))
+            assert {(n, factor), (n, sympy.expand(-factor))} & found, n
+            found -= {(n, factor), (n, sympy.expand(-factor))}
+    assert not found  # one equation, and no other
+
+
+def texts_of(condition):
+    if len(condition.polynomials) == 1:
+        yield condition.length, sympy.expand(sympy.sympify(condition.polynomials[0]))
 
 
 def test_two_letters_are_found():

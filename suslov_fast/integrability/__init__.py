@@ -42,14 +42,15 @@ from .exact_maps import kahan, rational_map
 from .hirota_kimura import HKBasis, hk_bases
 from .kahan_maps import KahanMap
 from .levels import Level, on_level
+from .levels_of_integrals import BasePoint, Lines, Member, Pencil, pencil
 from .linear_relations import ImplicitIntegral
-from .pencils import pencil
 from .rational_functions import RationalFunction
 from .repairs import Condition, Repair, locus, repairs
 from .report import Report, report
 from .zoo import zoo
 
 __all__ = [
+    "BasePoint",
     "Condition",
     "Contraction",
     "Field",
@@ -58,6 +59,9 @@ __all__ = [
     "ImplicitIntegral",
     "KahanMap",
     "Level",
+    "Lines",
+    "Member",
+    "Pencil",
     "PlanarEntropy",
     "RationalFunction",
     "RationalMap",

@@ -16,15 +16,18 @@ if they are the multiplicities of the polynomials at the points of one orbit.
 import random
 from collections.abc import Iterator, Sequence
 from functools import reduce
+from itertools import islice
 from typing import Any, NamedTuple
 
 import flint
 
 from . import arithmetic, polynomials
 from .arithmetic import Values
+from .base_points import NumberField, function_of_root
 from .birational_maps import RationalMap
 from .pencils import count_factors
 from .polynomials import coefficients_in, cramer, determinant, irreducible_factors, primitive
+from .rational_functions import RationalFunction, as_function, factored, without_constant
 
 _PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
 _TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried in this order
@@ -257,6 +260,21 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     return False
 
 
+_FIRST = 3  # the number of points that are shown of an orbit that is not confined
+_LONG_POINT = 60  # the most terms in the coordinates of a point that is shown
+
+
+def points_of_orbit(
+    plane: Plane, number: int, passage: Passage
+) -> tuple[tuple[tuple[RationalFunction, ...], ...], RationalFunction | None]:
+    """Return the points that curve `number` visits, and the polynomial of their root or None."""
+    if plane.is_long(number):
+        return (), None
+    germs, count = Germs(plane, number), _FIRST if passage.steps is None else passage.steps - 1
+    coordinates = [*islice(germs.points(passage, count), count)]
+    return germs.for_users(coordinates)
+
+
 _OF_POINTS = ((2, 3), (5, 7), (11, -4)), ((3, -5), (7, 2), (4, 9))  # lines with points of curves
 
 
@@ -365,6 +383,67 @@ class Germs:
             x = without_common_factor(image)
             x = x if self._modulus == self._r else self._simplest(x)
 
+    def points(self, passage: Passage, count: int) -> Iterator[list[Any]]:
+        """Yield the coordinates of points of the orbit while they are short, up to `count` points.
+
+        Points that follow points without an image are limits of germs.
+        """
+        if not any(passage.common_orders[:-1]) and not passage.endless:
+            x = self._point
+            while any(image := self._values(self._plane.forms, x)):
+                x = without_common_factor(image)
+                x = x if self._modulus == self._r else self._simplest(x)
+                if sum(map(len, x)) > _LONG_POINT:
+                    return
+                yield x
+            return
+        # Two points of the curve, given by numbers for s, must have the same orbit.
+        numbers = [n + 0 * self._s for n in (5, 7)]
+        germs = [[P.compose(*self._eps, self._r, n, self._t) for P in self.first] for n in numbers]
+        terms = _TERMS_OF_PROOFS[-1]
+        for _ in range(count if self.first else 0):
+            orders = set()
+            for k, germ in enumerate(germs):
+                image = self._values(self._plane.forms, germ, terms)
+                orders.add(order := min(_order_in_t(P, terms) for P in image))
+                if order == terms or _is_large(image):
+                    return
+                germs[k] = without_common_factor([P // self._t**order for P in image])
+            terms -= max(orders)
+            x, y = (without_common_factor([P % self._t for P in germ]) for germ in germs)
+            if len(orders) > 1 or any(x[i] * y[j] != x[j] * y[i] for i, j in _PAIRS):
+                return
+            if sum(map(len, x)) > _LONG_POINT:
+                return
+            yield x
+
+    def for_users(
+        self, points: Sequence[Any]
+    ) -> tuple[tuple[tuple[RationalFunction, ...], ...], RationalFunction | None]:
+        """Return points with functions of letters, and of r, as coordinates; and its polynomial."""
+        is_line, letters = self._modulus == self._r, self._plane.map.letters
+        root_name = next(name for name in ("r", "s") if name not in letters)
+        names = letters if is_line else (*letters, root_name)
+        ring, name = polynomials.polynomial_ring(0, names), names[0] if len(names) == 1 else ""
+
+        def function(P: Any) -> RationalFunction:
+            P = ring.from_dict({e[: len(names)]: c for e, c in P.to_dict().items()})
+            return factored(P).renamed(None, name)
+
+        if not is_line and not letters:
+            field = NumberField(_in_r(self._modulus))
+            simple, root = field.simplest([[*map(_in_r, x)] for x in points])
+            known = tuple(tuple(function_of_root(P, root_name) for P in x) for x in simple)
+            return known, root and without_constant(function_of_root(root, root_name))
+        found = []
+        for x in points:
+            last = next(P for P in reversed(x) if P != 0)
+            scale = function(last) if int(last.degrees()[-3]) <= 0 else as_function(1)
+            found.append(tuple(function(P) / scale for P in x))
+        contains_root = any(int(P.degrees()[-3]) > 0 for x in points for P in x)
+        root = without_constant(function(self._modulus)) if contains_root else None
+        return (*found,), root
+
     def norm(self, P: Any) -> Any:
         """Return the product of the values of P, polynomials in letters, for all roots r."""
         return P if self._modulus == self._r else self._modulus.resultant(P, "r")
@@ -418,6 +497,11 @@ class Germs:
             if any(y):
                 return all(self._reduced(x[i] * y[j] - x[j] * y[i]) == 0 for i, j in _PAIRS)
         return False
+
+
+def _in_r(P: Any) -> Any:
+    """Return a polynomial in r alone, with numbers as coefficients."""
+    return flint.fmpq_poly([int(c.coeffs()[0]) if c != 0 else 0 for c in coefficients_in(P, -3)])
 
 
 def _order_in_t(P: Any, terms: int) -> int:

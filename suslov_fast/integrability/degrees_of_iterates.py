@@ -171,8 +171,21 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     return _by_recurrence(d, bool(planar)) or _by_quotients(d)
 
 
-def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
-    """Return the `Growth` of the shortest recurrence of degrees of a (planar) map; or None."""
+class Recurrence(NamedTuple):
+    """A linear recurrence of degrees: coefficients c of ``sum_i c_i d(k + i) = 0``, and its growth.
+
+    It holds after `transient` degrees, or from the degree 1 of the identity on.
+    """
+
+    coefficients: list[int]
+    transient: int
+    from_identity: bool
+    kind: str
+    entropy: float
+
+
+def shortest_recurrence(d: list[int], planar: bool) -> Recurrence | None:
+    """Return the shortest recurrence of the degrees d of a (planar) map; None without any."""
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
@@ -181,9 +194,16 @@ def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
             for terms in sequences:
                 recurrence = _recurrence(terms[transient:], order, max(_SPARE, transient))
                 if recurrence and (growth := _growth_of(recurrence, planar)):
-                    text = _text_of(recurrence, len(d), transient, from_identity=terms is not d)
-                    return Growth(*growth, text)
+                    return Recurrence(recurrence, transient, terms is not d, *growth)
     return None
+
+
+def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
+    """Return the `Growth` of the shortest recurrence of degrees of a (planar) map; or None."""
+    if (found := shortest_recurrence(d, planar)) is None:
+        return None
+    text = _text_of(found.coefficients, len(d), found.transient, found.from_identity)
+    return Growth(found.kind, found.entropy, text)
 
 
 def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:

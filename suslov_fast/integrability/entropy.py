@@ -20,8 +20,15 @@ from ..fields.base import Body
 from ..keywords import public
 from . import arithmetic
 from .birational_maps import RationalMap
-from .contracted_curves import Passage, Plane, PlaneModulo, is_proved, passages_across
-from .degrees_of_iterates import agreed_degrees, moduli_outside
+from .contracted_curves import (
+    Passage,
+    Plane,
+    PlaneModulo,
+    is_proved,
+    passages_across,
+    points_of_orbit,
+)
+from .degrees_of_iterates import agreed_degrees, growth, moduli_outside, shortest_recurrence
 from .exact_maps import checked_map
 from .polynomials import cramer
 from .rational_functions import IDENTITY, RationalFunction
@@ -30,6 +37,7 @@ _STEPS = 80  # the most steps of the orbit of a contracted curve
 _DEGREES = 24  # number of degrees of iterates that are predicted
 _HIGHEST = 1_000  # the largest predicted degree that is compared with the degree on random lines
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
+_AGAIN = "comes to points without an image again and again"
 _TRIES = 3  # number of points, and of values of letters, for each small prime
 
 
@@ -40,6 +48,10 @@ class Contraction:
     Conjugate curves are listed as one, and `count` is their number. If the singularity is confined,
     the orbit ends at a point without an image, and `length` is the number of its points; otherwise
     `length` is None. `how` says how this was decided, and `proved` whether it is a proof.
+
+    `points` are the points of the orbit, exact, or the first ones of an orbit that is not confined.
+    Each is (x, y, 1), or (x, y, 0) at infinity. For conjugate curves coordinates contain a root r
+    of the polynomial `root`. Points with long coordinates are left out, with all that follow.
     """
 
     curve: str
@@ -47,6 +59,8 @@ class Contraction:
     length: int | None
     proved: bool
     how: str
+    points: tuple[tuple[RationalFunction, ...], ...] = ()
+    root: RationalFunction | None = None
 
     def __str__(self) -> str:
         points = "1 point" if self.length == 1 else f"{self.length} points"
@@ -110,7 +124,8 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     an image, the singularity may be confined, and the degrees of iterates are lower; how much
     follows from the lengths of these orbits (Diller and Favre 2001). Orbits are followed for 80
     steps. An entropy that is not proved is compared with the degrees of iterates on random lines,
-    and not given if they contradict it.
+    and not given if they contradict it. If an orbit comes to points without an image again and
+    again, the entropy is that of a recurrence of these degrees, and is not proved.
 
     Parameters
     ----------
@@ -147,10 +162,9 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     passages = passages_across(plane, _STEPS)
     if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
-    if any(passage.endless for passage in passages):
-        why = "a contracted curve comes to points without an image again and again"
-        return PlanarEntropy(reason=f"{why}: growth(degrees(map, n)) estimates the entropy")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
+    if any(passage.endless for passage in passages):
+        return _by_degrees(map, contractions)
     numerators, Q = series_of_degrees(plane, passages)
     P = numerators[0]
     # The characteristic polynomial has a root 0 for each term that precedes the recurrence.
@@ -175,6 +189,25 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     return PlanarEntropy(reason=why) if why else entropy
 
 
+def _by_degrees(map: RationalMap, contractions: tuple[Contraction, ...]) -> PlanarEntropy:
+    """Return the unproved entropy that follows from a recurrence of degrees on random lines."""
+    low = takewhile(lambda degree: degree <= _HIGHEST, islice(agreed_degrees(map), _DEGREES))
+    if (found := shortest_recurrence(d := [*low], planar=True)) is None:
+        why = f"{_AGAIN}, and degrees have no short recurrence"
+        return PlanarEntropy(contractions, reason=f"a contracted curve {why}")
+    zeros = 0 if found.from_identity else found.transient + 1
+    polynomial = flint.fmpz_poly([0] * zeros + found.coefficients)
+    minimal, root = _factor_with_largest_root(polynomial)
+    return PlanarEntropy(
+        contractions=contractions,
+        polynomial=_in_x(polynomial),
+        minimal=_in_x(minimal),
+        entropy=math.log(root),
+        degrees=(*d,),
+        based_on=growth(d, planar=True).based_on,
+    )
+
+
 def proved_by_integral(
     entropy: PlanarEntropy | None, integrals: Sequence[RationalFunction]
 ) -> PlanarEntropy | None:
@@ -192,6 +225,9 @@ def proved_by_integral(
 
 def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
     """Return the `Contraction` of curve `number` with orders `passage`, proved if possible."""
+    points = points_of_orbit(plane, number, passage)
+    if passage.endless:
+        return Contraction(plane.text(number), plane.count(number), None, False, _AGAIN, *points)
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if length is not None:
@@ -201,7 +237,7 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
         how = reason if exact else f"{reason}; orders modulo two primes, at random points"
     else:
         exact, how = False, f"not confined within {_STEPS} steps"
-    return Contraction(plane.text(number), plane.count(number), length, exact, how)
+    return Contraction(plane.text(number), plane.count(number), length, exact, how, *points)
 
 
 def why_never(plane: Plane, number: int, passage: Passage) -> str:

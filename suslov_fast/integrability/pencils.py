@@ -14,14 +14,12 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import kind_of, wrong
-from ..keywords import public
 from . import polynomials
 from .arithmetic import EPS, Values
 from .polynomials import coefficients_in, degree_of, exponents_up_to, modulo, prime_of, variables_of
-from .rational_functions import RationalFunction, factors_in_t, quotient_of
+from .rational_functions import factors_in_t
 
-_HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
+HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
 
 
 def _equations(space: Sequence[Any], degree: int, p: int, rng: random.Random) -> Iterator[Any]:
@@ -58,17 +56,26 @@ def count_factors(P: Any) -> int:
 
 def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
     """Yield the reducible combinations a P + b Q of a space [P, Q]; a and b are rational."""
-    return (P for P, count in conjugate_members(space) if count == 1)
+    return (P for P, equation in conjugate_members(space) if len(equation) == 2)
 
 
-def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, int]]:
-    """Yield products of conjugate reducible combinations of a space [P, Q], and their numbers."""
+class AllReducible(ArithmeticError):
+    """Raised for a pencil of which all members are reducible."""
+
+
+def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, list[Any]]]:
+    """Yield products of conjugate reducible combinations P - h Q of a space [P, Q].
+
+    With each product, yield the coefficients [c_0, c_1, ...] of the irreducible equation for h,
+    polynomials in letters. The equation of Q itself is [1, 0].
+    """
     degree, n = max(degree_of(P) for P in space), variables_of(space[0])
-    if len(space) != 2 or not 2 <= degree <= _HIGHEST or n < 2:
+    if len(space) != 2 or not 2 <= degree <= HIGHEST or n < 2:
         return
     rng = random.Random(0)
     # Two generic members of the pencil: each reducible one is then first + t second, with finite t.
-    first, second = (sum(rng.randrange(1, 100) * P for P in space) for _ in space)
+    weights = [[rng.randrange(1, 100) for _ in space] for _ in space]
+    first, second = (sum(a * P for a, P in zip(row, space, strict=True)) for row in weights)
     if polynomials.rank([first, second]) < 2:
         return
 
@@ -77,8 +84,8 @@ def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, int]]:
         common = flint.nmod_poly([0], p)
         for _ in range(2):  # two random planes: roots t of only one plane are left out
             A, B = _equations(residues, degree, p, rng)
-            if A.rank() < A.ncols():  # then all members are reducible
-                return []
+            if A.rank() < A.ncols():
+                raise AllReducible
             common = common.gcd(_values_of_lost_rank(A, B, p, rng))
         # Where the rank falls by more than 1, t is a multiple root; here it becomes a simple one.
         common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
@@ -86,11 +93,18 @@ def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, int]]:
 
     ring, rng = first.context(), random.Random(prime_of([first, second]))
     for g in factors_in_t(rng, search, ring):
-        # The product of first + t second for all roots t of g.
+        # The product of first + t second for all roots t of g; h = -(b + d t) / (a + c t) for it.
         coefficients = [c.project_to_context(ring) for c in coefficients_in(g, -1)]
-        n = len(coefficients) - 1
-        terms = (c * (-first) ** k * second ** (n - k) for k, c in enumerate(coefficients))
-        yield polynomials.without_content(sum(terms, 0 * first)), n
+        n, ((a, b), (c, d)) = len(coefficients) - 1, weights
+        terms = (e * (-first) ** k * second ** (n - k) for k, e in enumerate(coefficients))
+        h = flint.fmpz_poly([0, 1])
+        # t = -(b + a h) / (d + c h)
+        powers = [(-(b + a * h)) ** k * (d + c * h) ** (n - k) for k in range(n + 1)]
+        equation = [
+            sum(e * int(P[j]) for e, P in zip(coefficients, powers, strict=True))
+            for j in range(n + 1)
+        ]
+        yield polynomials.without_content(sum(terms, 0 * first)), equation
 
 
 def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) -> Any:
@@ -106,42 +120,3 @@ def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) ->
     # polynomial of A**-1 B in reverse order, with alternating signs.
     backward = A.solve(B).charpoly().coeffs()[::-1]
     return flint.nmod_poly([int(-c if k % 2 else c) for k, c in enumerate(backward)], p)
-
-
-@public
-def pencil(integral: RationalFunction) -> tuple[RationalFunction, ...]:
-    """Find the reducible members of the pencil of levels N = h D of an integral N / D.
-
-    Parameters
-    ----------
-    integral : RationalFunction
-        From a report, of degree 2 to 6.
-
-    Returns
-    -------
-    tuple of RationalFunction
-        The members as products of irreducible polynomials, those with most factors over complex
-        numbers first. Quotients of two are integrals. Then products of conjugate members, if h is
-        irrational: they have a multiple of the degree.
-
-    Examples
-    --------
-    >>> from suslov_fast import Field
-    >>> from suslov_fast.integrability import pencil, report
-    >>> field = Field.from_hamiltonian(lambda x: x[0] * x[1] * (x[0] + x[1] + 1), "x y")
-    >>> triangle, lines, *_ = pencil(report(field, eps=1).integrals[0])
-    >>> triangle / lines
-    x*y*(x + y + 1)/((2*x + 3)*(2*y + 3)*(2*x + 2*y - 1))
-    """
-    if not isinstance(integral, RationalFunction):
-        raise wrong("integral", "one of a report", kind_of(integral), TypeError)
-    if not 2 <= (degree := integral.degree) <= _HIGHEST:
-        raise wrong("integral", f"of degree 2 to {_HIGHEST}", f"of degree {degree}")
-
-    def order(pair: tuple[Any, int]) -> tuple[Any, ...]:
-        P, count = pair
-        # A member of lower degree also has a factor at infinity.
-        return count, -count_factors(P) - (degree_of(P) < degree), polynomials.sort_key(P)
-
-    found = sorted(conjugate_members(integral.as_quotient()), key=order)
-    return tuple(quotient_of(P, P**0, integral.basis) for P, _ in found)

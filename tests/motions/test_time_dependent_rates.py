@@ -199,3 +199,24 @@ def test_changes_and_crossings_at_dates():
         np.testing.assert_array_equal(a, b)
     for a, b in zip(clocks, others, strict=True):
         np.testing.assert_array_equal(a + DATE, b)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize(
+    ("f", "start", "time", "right"),
+    [
+        (lambda t: np.sqrt(np.maximum(1 - t**2, 0)), -1.0, 1.0, np.pi / 4),
+        (lambda t: np.sqrt(4 - t**2), -2.0, 2.0, np.pi),
+        (lambda t: np.sqrt(1 + t), -1.0, 1.0, 2 / 3),
+        (lambda t: np.sqrt(np.maximum(t - 1e6, 0)), 1e6, 9.0, 18.0),
+        (lambda t: np.cbrt(t - 5), 5.0, 8.0, 12.0),
+    ],
+)
+def test_starts_at_the_edge_of_the_domain_of_f(f, start, time, right, stiff):
+    """Just after the start f is a staircase: t has rounding errors, and f' is infinite."""
+    for rtol in (1e-6, 1e-9, 1e-12):
+        of_time = sf.Field(lambda s: (f(s[1]), 1.0), "x t")
+        motion = sf.flow(of_time, [0.0, start], time=time, rtol=rtol, stiff=stiff)
+        assert motion.ok
+        assert motion.steps < 200
+        assert abs(motion.final[0] - right) < 3 * rtol * right

@@ -4,7 +4,7 @@ Rounding of the state changes f. The effect is large if components cancel, or if
 or begins at 0. So a step that would be rejected has a second trial. The trial allows an error of
 |h (f(x') - f(x))|, where x is an end of the step and x' a state beside it. Of both ends, the one
 with the smaller change counts. In an implicit step A**-1 (`linearly_implicit`) multiplies the
-allowed error, because fast modes forget it. In x' clocks are later by 2**-50 of their values, and
+allowed error, because fast modes forget it. In x' clocks are later by 2**-50 of their values and starts, and
 other components differ by about 2**-49 of their values. A trial takes time, so only steps after a
 rejected step or another trial have one.
 
@@ -17,7 +17,7 @@ step. If such errors would shorten steps that are accepted, every eighth step ha
 from math import inf
 
 from ..expressions.values import larger, smaller
-from ..llvm.text import Carried
+from ..llvm.text import Carried, Shared
 from .codegen import larger_of
 from .scalar_kernels import scalar_kernel
 from .step_length import AFTER_TRIAL, MOST_APART
@@ -157,6 +157,9 @@ def _changes_beside(code, is_noise):
     along, ends = map(text.constants, (ALONG, ENDS))
     base, state, most, *found = (work.beside.after(k * code.extended) for k in range(6))
     least, largest, second = found
+    offsets, f = code.f.hybrid.offsets, code.f.of
+    table = text.array(code.table) if code.for_each else Shared(text, code.table)
+    starts = {clock: abs(table[f.places[number]]) for clock, number in offsets.items()}
     for i in text.each(code.D):
         least[i], largest[i], second[i] = inf, 0.0, 0.0
     points = is_noise.any().select(text.value(len(ALONG)), text.value(2))
@@ -173,6 +176,8 @@ def _changes_beside(code, is_noise):
                 inputs = {"state": state[i], "multiple": multiples[k], "is_end": ends[point]}
                 beside = code.apply(BESIDE, i, move=move, **inputs)["beside"]
                 work.start.put_chosen(i, beside)
+            for clock, start in starts.items():  # f reads the clock plus its start value
+                work.start[clock] = work.start[clock] + OF_CLOCK * start
             code.call("f", work.start, code.table, work.f)
             for i in text.each(code.D):
                 change.put_chosen(i, work.f[i] - base[i])

@@ -298,7 +298,7 @@ def test_a_second_try_that_ends_is_no_answer():
 
     def shaken(s):
         y, t, p, q = s
-        return y * (20 * np.tanh(t - 3) + 1e4 * np.sin(1e6 * t) / (1 + (y * 1e14) ** 2)), 1.0, q, -p
+        return y * (20 * np.tanh(t - 3) + 1e7 * np.sin(1e9 * t) / (1 + (y * 1e14) ** 2)), 1.0, q, -p
 
     with pytest.warns(UserWarning, match="1 of 1"):
         motion = sf.flow(field(shaken, "y t p q"), [1.0, 0.0, 1.0, 0.0], time=5.5, rtol=1e-6)
@@ -365,3 +365,37 @@ def test_populations_at_loose_tolerances():
     motion = sf.flow(prey, starts, time=100.0, rtol=1e-4)
     conserved = (motion.final - np.log(motion.final)).sum(axis=1)
     np.testing.assert_allclose(conserved, (starts - np.log(starts)).sum(axis=1), rtol=6e-4)
+
+
+# ------------------------------------------------------------------------- small, read by events
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("level", [0.5, 1.0, 2.0, 5.0])
+def test_events_that_compare_small_components(level, stiff):
+    """z / x = exp(-0.1 t) is exp(-level) at 10 level, where both are below their allowed errors."""
+    decay = sf.Field(lambda s: (-s[0], -1.1 * s[1]), "x z")
+    for surface in (lambda s: s[1] / s[0] - np.exp(-level), lambda s: s[1] - np.exp(-level) * s[0]):
+        end = sf.flow(
+            decay, [1.0, 1.0], time=60.0, events=sf.Event(surface, terminal=True), stiff=stiff
+        )
+        assert abs(end.end / (10 * level) - 1) < 1e-8
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+def test_an_event_of_the_logarithm_of_a_small_component(stiff):
+    """x falls to exp(-80), then rises for 78."""
+    turn = sf.Event(lambda s: np.log(s[0]) + 80, direction="down", to=lambda s: (s[0], 1.0))
+    field = sf.Field(lambda s: (s[1] * s[0], 0.0), "x k")
+    motion = sf.flow(field, [1.0, -1.0], time=158.0, events=turn, stiff=stiff)
+    np.testing.assert_allclose(motion.events.time, [80.0])
+    np.testing.assert_allclose(motion.final, [np.exp(-2.0), 1.0])
+
+
+def test_crossings_of_an_oscillation_that_decays():
+    """To exp(-30); the times are known. Levels far above what decays need no digits of it."""
+    field, w = sf.Field(lambda s: (s[1], -s[0] - 0.2 * s[1]), "x v"), np.sqrt(0.99)
+    found = sf.crossings(field, [1.0, 0.0], "x", time=300.0)
+    right = (np.pi - np.arctan2(w, 0.1) + np.pi * np.arange(95)) / w
+    np.testing.assert_allclose(found.time, right, atol=1e-8)
+    assert "again" not in repr(sf.flow(field, [1.0, 0.0], time=300.0, events=sf.Event("x - 0.01")))
+    fall = sf.Field(lambda s: -s, "x")
+    assert "again" not in repr(sf.flow(fall, [1.0], time=500.0, events=sf.Event("x - 0.5")))

@@ -17,6 +17,8 @@ with 0 for all components without digits. At an unstable equilibrium `lost` stay
   in a h. To find growth, f is evaluated where these components have trial values u_i, at first
   their allowed errors. A component grows if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i). If
   some grow, u_i of the others is reduced, and f is evaluated again, until all grow or none does;
+- if the surface of an event hangs on components whose errors are `many` allowed errors: with 0 in
+  their places s changes by more than half of itself. Their errors would move the event;
 - if the solution ends while a component has no digits.
 
 If all components are RELATIVE, only those below 2**-990 lose digits. Then the alarm is a warning.
@@ -93,10 +95,12 @@ def _some(code, i):
 
 
 def _lost(
-    x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, damps, lost,
-    watches, near, *, loses,
+    x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, damps, lost, reads,
+    watches, near, doubts, *, loses,
 ):  # fmt: skip
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
+
+    `doubts` becomes 1 if surfaces of events read the component (`reads`), and its errors are many.
 
     `lost` increases by the relative error of the step. If the component keeps its sign, `lost` also
     increases by the error that extrapolation has if the component grows fast in the step. A `lost`
@@ -122,7 +126,12 @@ def _lost(
     grows = is_fast | is_many | ((size > 1.0) & (lost > DEEP))
     grows = grows & (abs(new) >= abs(x)) & (lost > PART * many * rtol)
     is_near = grows | ((damps > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
-    return {"watches": larger(lost, watches), "near": is_near.select(1.0, near), "lost": lost}
+    return {
+        "watches": larger(lost, watches),
+        "near": is_near.select(1.0, near),
+        "doubts": ((reads > 0.0) & (lost > many * rtol)).select(1.0, doubts),
+        "lost": lost,
+    }
 
 
 @functools.cache
@@ -191,11 +200,13 @@ def RAISED(before, new, some, lost):
 
 def find_alarms(code):
     """Update `lost` in lanes where the row `alerts` is 1, and find alarms."""
-    text, line, work, found = code.text, code.line, code.work, Carried(watches=0.0, near=0.0)
+    text, line, work = code.text, code.line, code.work
+    found = Carried(watches=0.0, near=0.0, doubts=0.0)
+    reads = text.constants([float(i in code.integrator.read_by_events) for i in range(code.f.of.D)])
     looks = work.alerts[0] > 0.0
     for i in text.each(code.f.of.D, found):
         some = _some(code, i)
-        inputs = {"some": some, "damps": float(code.integrator.rule.damps)}
+        inputs = {"some": some, "damps": float(code.integrator.rule.damps), "reads": reads[i]}
 
         def update(i=i, inputs=inputs):
             own = code.apply(lost_of(code.integrator.rule.loses), i, **inputs, **vars(found))
@@ -204,12 +215,44 @@ def find_alarms(code):
 
         x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
         concerns = (lost > 0.0) | _loses(x, new, error, some, lost)
-        values = text.otherwise(~concerns.any(), [found.watches, found.near], update)
-        found.watches, found.near = values
+        values = text.otherwise(~concerns.any(), [*vars(found).values()], update)
+        found.watches, found.near, found.doubts = values
     line.watches.choose(looks, 0, found.watches)
-    looks = looks & (found.near > 0.0)
+    near, doubts = looks & (found.near > 0.0), looks & (found.doubts > 0.0)
+    looks = near | doubts
     with text.when(looks.any(), likely=False):
         _look(code, looks)
+        near = near & (line.watches[0] > 0.0)
+        with text.when(near.any()):
+            _alarm(code, near)
+        if code.integrator.read_by_events:
+            doubts = doubts & (line.watches[0] > 0.0)
+            with text.when(doubts.any()):
+                _doubt(code, doubts, reads)
+
+
+def _doubt(code, looks, reads):
+    """Raise the alarm in lanes `looks` where an event hangs on components without digits."""
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
+    least, count, points = (
+        code.number("many") * code.number("rtol"),
+        integrator.surfaces,
+        work.points,
+    )
+    text.copy(work.new, work.start, code.D)
+    for i in text.each(code.f.of.D):
+        work.start[i] = (line.lost[i] > least).select(0.0, work.new[i])
+    code.call("surfaces", work.new, code.table, points)
+    code.call("surfaces", work.start, code.table, points.after(count))
+    hangs = text.value(0.0) > 0.0
+    for k in integrator.events.plain:
+        k += count - integrator.event_surfaces
+        s, other = points[k], points[count + k]
+        hangs = hangs | ~(abs(other - s) <= 0.5 * abs(s))
+    looks = looks & hangs
+    for i in text.each(code.f.of.D):
+        line.lost.choose(looks & (line.lost[i] > least) & (reads[i] > 0.0), i, RELATIVE)
+    line.watches.choose(looks, 0, inf)
 
 
 def watch(code, alerts, on_trial):
@@ -233,7 +276,7 @@ def watch(code, alerts, on_trial):
 
 
 def _look(code, looks):
-    """Find which components others feed (`FED`), and if there is an alarm, in lanes `looks`."""
+    """Find which components others feed (`FED`), in lanes `looks`."""
     text, line, work, D = code.text, code.line, code.work, code.f.of.D
     text.copy(work.new, work.start, code.D)
     for now in text.rounds(Carried()):
@@ -248,9 +291,6 @@ def _look(code, looks):
             found.update(own)
         line.watches.choose(looks, 0, found.left)
         now.goes_on = (looks & (found.changes > 0.0) & (found.left > 0.0)).any()
-    looks = looks & (line.watches[0] > 0.0)
-    with text.when(looks.any()):
-        _alarm(code, looks)
 
 
 def _alarm(code, looks):

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..cached import cached_property
+from ..expressions.programs import program_of
 from ..hybrid.double_crossings import POINTS, DoubleCrossings
 from ..hybrid.event_formulas import read_by
 from . import vector_functions
@@ -22,6 +23,7 @@ class Integrator:
     watched      the number of components of x if f has surfaces at which steps end, else 0
     surfaces     how many such surfaces f has
     read         the numbers of the components on which these surfaces depend
+    read_by_events   those of them on which surfaces of events depend at which no body rests
     double_crossings  `DoubleCrossings`, programs that find whether a step hides crossings; they
                  read `at_points` numbers at points of the step, such as values of surfaces
     events       `EventSet`, or None; `event_surfaces` is the number of its surfaces
@@ -57,6 +59,7 @@ class Integrator:
         self.surfaces = len(f.hybrid.watched.results) if self.watched else 0
         read = read_by(f.hybrid.watched, f.hybrid.watched.results) if self.watched else []
         self.read = sorted({*range(self.watched)}.intersection(read))
+        self.read_by_events = self._read_by_events()
         self.double_crossings = f.hybrid.double_crossings or DoubleCrossings()
         self.at_points = (1 + len(POINTS)) * (self.surfaces + sum(self.double_crossings.inside))
         if self.watched:
@@ -77,6 +80,14 @@ class Integrator:
         self.rows = rows_of_trajectory(self)
         self.work = rows_of_work(self)
         self.scalars = {*scalars_of(self.rows), *scalars_of(self.work)}
+
+    def _read_by_events(self):
+        """Return the components that surfaces of events at which no body rests depend on."""
+        plain, watched = self.events.plain if self.event_surfaces else (), self.f.hybrid.watched
+        first = self.surfaces - self.event_surfaces
+        results = [watched.results[first + k] for k in plain]
+        read = read_by(program_of(watched.operations, results), results) if results else ()
+        return {*read}.intersection(range(self.watched))
 
     def _add_surfaces(self):
         """Add functions of the surfaces at which steps end to the dict `functions`."""

@@ -4,9 +4,9 @@ Rounding of the state changes f. The effect is large if components cancel, or if
 or begins at 0. So a step that would be rejected has a second trial. The trial allows an error of
 |h (f(x') - f(x))|, where x is an end of the step and x' a state beside it. Of both ends, the one
 with the smaller change counts. In an implicit step A**-1 (`linearly_implicit`) multiplies the
-allowed error, because fast modes forget it. In x' clocks are later by 2**-50 of their values and starts, and
-other components differ by about 2**-49 of their values. A trial takes time, so only steps after a
-rejected step or another trial have one.
+allowed error, because fast modes forget it. In x' clocks are later by 2**-50 of their values and
+starts, and other components differ by about 2**-49 of their values. A trial takes time, so only
+steps after a rejected step or another trial have one.
 
 If terms of the rate of a component cancel, the component may be 0 up to rounding. Then no step has
 digits of it, and shorter steps would not help. So an error below NOISY times the largest component

@@ -170,6 +170,10 @@ class EventSet(NamedTuple):
     surfaces = property(lambda self: len(self.directions))
     count = property(lambda self: len(self.most))
     at_times = property(lambda self: self.count - self.surfaces)
+    # Numbers of the surfaces of users' events at which no body rests.
+    plain = property(
+        lambda self: [k for k in range(self.surfaces) if not (self.holds[k] or self.rests[k])]
+    )
 
     def only_records(self, k):
         """Return True if event k leaves the state as it is, and never ends the trajectory."""

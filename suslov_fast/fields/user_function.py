@@ -225,6 +225,8 @@ def _text_of(error: Exception, state: Symbols) -> str:
         how += "parameters"
     elif "valid indices" in text:
         how = f"write {STEPS} for values[k] from knots[k] on"
+    elif "not callable" in text:
+        how = "parameters are numbers: a function that f calls is no parameter, f finds it by name"
     elif "the state of symbols has no" in text:
         how = f"write x[0] for a component, and {TABLES}"
     return f"{text}: it is called with {len(state)} symbols, {of_state}: {how}"

@@ -114,6 +114,13 @@ class Result:
         how = f"use .time and .states of the {kind}{self._in_parts}"
         raise TypeError(f"{self._called} is no sequence: {how}")
 
+    def __len__(self) -> NoReturn:
+        kind = type(self).__name__
+        raise TypeError(f"{self._called} has no len: use len(run.time), or .states.shape of {kind}")
+
+    def __bool__(self) -> bool:
+        return True
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is None:  # NumPy 1.26 does not accept None
             return np.asarray(self.states, dtype)

@@ -124,6 +124,9 @@ ROWS = [
     # attributes
     ("MOTION.sol | MOTION.interpolate", r"motion\(t\)"),
     ("MOTION.y | RUN.y", "states"),
+    ("len(MOTION) | len(RUN)", r"len\(run\.time\)"),
+    ("Field(lambda p, D: D(p[0]), 'p', D=1)", "parameters are numbers"),
+    ("flow(lambda t, y, k: -k*y, [1.0], time=1)", r"Field\(f, names, k=1\.0\)$"),
     ("MOTION.evaluate(lambda x: x[0])", "use values"),
     ("MOTION.to_csv('a.csv')", "to_dataframe"),
     ("sf.equilibria(PENDULUM, [0, 0]).multipliers", "eigenvalues"),

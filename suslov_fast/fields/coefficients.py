@@ -16,14 +16,19 @@ from ..core.expressions.programs import needed_for
 from .equations import Equations
 from .exact_numbers import as_given, exact
 from .names import check_order
+from .polynomials import (
+    Polynomial,
+    constant,
+    difference,
+    product,
+    total,
+    without_zeros as without_zero_terms,
+)
 from .terms import Terms, collected
 
 _fractions = np.vectorize(Fraction, "O")
 # The n nonzero entries of an array: their indices, one row for each axis, and values (..., n).
 Entries = tuple[Any, Any]
-# A polynomial: coefficients by sorted indices, where (0, 0, 1) stands for x1 x1 x2.
-# Coefficients are fractions, or floats, or arrays (...) of floats for the members of a family.
-Polynomial = dict[tuple[int, ...], Any]
 
 
 # ------------------------------------------------------------ coefficients of lists of operations
@@ -70,10 +75,10 @@ def coefficients_by(
     """Return the coefficients of f or H by three indices, of the type that `number` returns."""
     D = len(equations.names)
     known: dict[Any, Any] = {i: {(i,): number(1.0)} for i in range(D)}
-    known |= {k: _constant(number(a)) for k, a in enumerate(parameters, D)}
+    known |= {k: constant(number(a)) for k, a in enumerate(parameters, D)}
     with np.errstate(all="ignore"):
         for name, place, operands in needed_for(equations.values.operations, results):
-            of = [_constant(number(a)) if isinstance(a, float) else known[a] for a in operands]
+            of = [constant(number(a)) if isinstance(a, float) else known[a] for a in operands]
             rule = _RULES.get(name, partial(_of_constants, name, number))
             known[place] = rule(*of)
             if known[place] is None:
@@ -82,43 +87,12 @@ def coefficients_by(
                 raise NotQuadratic(f"{equations.shown(place)} {why}")
     coefficients: Polynomial = {}
     for i, a in enumerate(results):
-        terms = _constant(number(a)) if isinstance(a, float) else known[a]
+        terms = constant(number(a)) if isinstance(a, float) else known[a]
         if (highest := max(map(len, terms), default=0)) > degree:
             raise NotQuadratic(f"a formula has the degree {highest}")
         row = (i,) if degree == 2 else ()
         coefficients |= {(*row, *m, *(D,) * (degree - len(m))): c for m, c in terms.items()}
     return coefficients
-
-
-def _is_nonzero(c: Any) -> bool:
-    """Return True for a number other than 0, an array that contains one, or an empty array."""
-    return bool(c.any() or not c.size) if isinstance(c, np.ndarray) else bool(c)
-
-
-def _constant(c: Any) -> Polynomial:
-    return {(): c} if _is_nonzero(c) else {}
-
-
-def _sum(*parts: Polynomial) -> Polynomial:
-    """Return a sum; shorter parts are added to longer ones, because copies take time."""
-    total = dict(parts[0])
-    for part in parts[1:]:
-        fewer, total = (part, total) if len(part) <= len(total) else (total, dict(part))
-        for m, c in fewer.items():
-            total[m] = total[m] + c if m in total else c
-            if not _is_nonzero(total[m]):
-                del total[m]
-    return total
-
-
-def _difference(a: Polynomial, b: Polynomial) -> Polynomial:
-    return _sum(a, {m: -c for m, c in b.items()})
-
-
-def _product(a: Polynomial, b: Polynomial) -> Polynomial:
-    a, b = sorted((a, b), key=len)
-    products = ({tuple(sorted(m + n)): c * d for n, d in b.items()} for m, c in a.items())
-    return _sum({}, *products)
 
 
 def _quotient(a: Polynomial, b: Polynomial) -> Polynomial | None:
@@ -132,11 +106,11 @@ def _power(a: Polynomial, exponent: Polynomial) -> Polynomial | None:
     number = exponent.get((), 0)
     if exponent.keys() - {()} or np.ndim(number) or number not in range(4):
         return None
-    return reduce(_product, [a] * int(number), _constant(1 + 0 * number))
+    return reduce(product, [a] * int(number), constant(1 + 0 * number))
 
 
 _RULES: dict[str, Callable[..., Any]] = {
-    "fadd": _sum, "fsub": _difference, "fmul": _product, "fdiv": _quotient, "pow": _power
+    "fadd": total, "fsub": difference, "fmul": product, "fdiv": _quotient, "pow": _power
 }  # fmt: skip
 
 
@@ -150,13 +124,13 @@ def _of_constants(name: str, number: Callable[[Any], Any], *operands: Any) -> An
         condition, *(a, b) = operands
         zero = number(0.0)
         chosen = {m: np.where(condition, a.get(m, zero), b.get(m, zero))[()] for m in {**a, **b}}
-        return {m: c for m, c in chosen.items() if _is_nonzero(c)}
+        return without_zero_terms(chosen)
     if any(isinstance(a, dict) and a.keys() - {()} for a in operands):
         return None
     values = [np.float64(a.get((), 0.0)) if isinstance(a, dict) else a for a in operands]
     value = FUNCTIONS[name](*values)
     is_truth = np.asarray(value).dtype == bool
-    return np.asarray(value) if is_truth else _constant(number(np.asarray(value)[()]))
+    return np.asarray(value) if is_truth else constant(number(np.asarray(value)[()]))
 
 
 # -------------------------------------------------------------------------------------- of arrays

@@ -84,14 +84,15 @@ class Equations:
     def read_last(self) -> bool:
         """True if another component, or a quantity, depends on the last one."""
         D = len(self.names) - 1
-        return _read(D, self.products[0], [*self.products[1][:D], *self._others])
+        operations = self.products[0].operations
+        return any(depends(operations, a, D) for a in [*self.products[1][:D], *self._others])
 
     @cached_property
     def with_timeless_integrals(self) -> Equations:
         """The same equations without first integrals that depend on the last component."""
         D, quantities = len(self.names) - 1, dict(self.quantities)
         integrals = quantities.pop("conserved", [])
-        if kept := [a for a in integrals if not _read(D, self.values, [a])]:
+        if kept := [a for a in integrals if not depends(self.values.operations, a, D)]:
             quantities["conserved"] = kept
         about: Any = self.H, self.K, self.ratios, quantities
         return Equations(self.names, self.parameters, self.values, self.results, *about)
@@ -177,11 +178,10 @@ class Equations:
         return [a if isinstance(a, float) else numbers[a] for a in operands]
 
 
-def _read(component: int, values: Any, operands: Sequence[Any]) -> bool:
-    """Return True if an operand depends on the component, or is the component."""
-    values, rows = in_order(values, operands)
-    used = [*rows, *(a for _, _, of in values.operations for a in of)]
-    return any(type(a) is int and a == component for a in used)
+def depends(operations: Sequence[Any], operand: Any, component: int) -> bool:
+    """Return True if the formula of an operand reads a component."""
+    read = [operand, *(a for _, _, of in needed_for(operations, [operand]) for a in of)]
+    return any(type(a) is int and a == component for a in read)
 
 
 def of_hamiltonian(

@@ -472,13 +472,20 @@ class Field(Traced):
         Parameters
         ----------
         names : str or sequence of str
-            Names of the variables to keep. Dependence on others is tested at random states.
+            Names of the variables to keep. Their rates must not depend on the others, for all
+            values of the parameters: their formulas do not read them, or these cancel exactly.
         **held : float
             Values of other variables, such as that of a velocity that a constraint keeps at 0.
 
         Returns
         -------
         Field
+            Integrals, and the energy, that depend on these variables alone stay.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a rate depends on other variables, or there is no variable of a name.
 
         Examples
         --------
@@ -486,6 +493,7 @@ class Field(Traced):
         >>> Field(lambda x: (-x[0], x[0] * x[1]), "x y").subsystem("x")
         Field(x' = -x)
         """
+        self._check_formulas()
         layout, equations = subsystem(self, variables(names), held)
         return type(self)._of({**self.parameters, **settled(layout, equations)})
 
@@ -512,9 +520,10 @@ class Field(Traced):
         Raises
         ------
         TypeError, ValueError
-            If the field is not one of formulas, or a function is not constant along motions; this
-            is tested at random states. :func:`flow` warns if an integral changes at x0 or at one of
-            the wanted states, as it may with other parameters, or with a force that acts later.
+            If the field is not one of formulas, or a function is not constant along motions. That
+            is proved where formulas allow it; else it is tested at random states, for all members
+            and for new values in :meth:`with_parameters`, and :func:`flow` warns if an integral
+            changes at x0 or at one of the wanted states, as with a force that acts later.
 
         Examples
         --------
@@ -525,10 +534,20 @@ class Field(Traced):
         >>> bool(abs(energy + np.cos(2.0)).max() < 1e-15)
         True
         """
-        if self._equations is None:
-            raise TypeError("system: write f as a function, so that it can keep integrals")
+        self._check_formulas()
         layout, equations = invariants.conserving(self, integrals)
-        return type(self)._of({**self.parameters, LAYOUT: layout, EQUATIONS: equations})
+        field = type(self)._of({**self.parameters, **settled(layout, equations)})
+        invariants.check(field)
+        return field
+
+    def _check_formulas(self) -> None:
+        """Raise TypeError for a field of terms, which has no formulas with parameters."""
+        if self._equations is None:
+            raise TypeError("system: write f as a function, in place of Field.from_terms")
+
+    def _check_kept(self) -> None:
+        if self._equations is not None and "conserved" in self._equations.sizes:
+            invariants.check(self)
 
     @property
     def _is_hamiltonian(self) -> bool:

@@ -62,7 +62,8 @@ class Traced(Body):
         Raises
         ------
         TypeError, ValueError
-            If there is no such parameter, or a value is not a finite number.
+            If there is no such parameter, a value is not a finite number, or an integral that the
+            field keeps changes along motions with the new values.
 
         Examples
         --------
@@ -76,7 +77,12 @@ class Traced(Body):
         if unknown := [name for name in parameters if name not in known]:
             how = f"it has {', '.join(known) or 'none'}; defaults of f are constants"
             raise TypeError(f"with_parameters: no parameter {', '.join(unknown)}: {how}")
-        return self._with_parts(self._parts | numbers_by_name(parameters))
+        other = self._with_parts(self._parts | numbers_by_name(parameters))
+        other._check_kept()
+        return other
+
+    def _check_kept(self) -> None:
+        """Raise ValueError if integrals that a field keeps change with its parameters."""
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:

@@ -273,7 +273,7 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
     tell(is_family, "lead to a family of equilibria, of which a near one is returned")
     tell(is_degenerate & ~is_family, "lead to a multiple root, as at a fold, with 7 digits")
     clocks = {clock for _, f, _ in field._listed_right_hand_sides for clock in f.clocks}
-    if clocks:
+    if clocks := {i for i in clocks if not equations.moving[i]}:
         name = field._layout.components[min(clocks)]
         how = f"which has a constant rate: {name} was held at its start"
         warn(f"equilibria: the equations depend on {name}, {how}; periodic_orbit follows a force")
@@ -326,6 +326,8 @@ class _Equations:
         self.constraints: Any = constraints_of(field)
         steady = [{*f.steady} for _, f, _ in field._listed_right_hand_sides]
         left_out = [*set.intersection(*steady)] if steady else []
+        if self.constraints:  # a velocity of constant rate is no clock: then nothing is at rest
+            left_out = [i for i in left_out if i >= self.constraints.parts[1].stop]
         self.moving = ~np.isin(np.arange(field._layout.D), left_out) if moving is None else moving
         self.start = x[..., self.moving]
         self.totals = self._all_totals() if totals is None else totals
@@ -389,7 +391,9 @@ class _Equations:
         """Return residuals (..., r), their derivatives (..., r, k), and a basis (..., k, k - r)."""
         moving = np.flatnonzero(self.moving).tolist()
         residuals, rows = self.constraints.of(x, self.field._inputs, moving)
-        return residuals, rows, tangent_basis(rows)
+        lengths = np.linalg.norm(rows, axis=-1)
+        lengths = np.where(lengths > 0.0, lengths, 1.0)  # residuals become distances
+        return residuals / lengths, rows / lengths[..., np.newaxis], tangent_basis(rows)
 
     def on_constraints(self, x: FloatArray, slopes: FloatArray) -> FloatArray:
         """Return f', `slopes`, at states x, in the tangent space of constraints if f has some."""

@@ -104,7 +104,8 @@ def periodic_orbit(
         If `period` is a multiple of the period of the orbit: the result is the orbit for one turn.
         If the orbit neither attracts nor passes near x0: the warning has its period and distance.
         If the orbit belongs to a family: more multipliers are 1 than the flow and the known
-        integrals explain. Known integrals are linear ones, and the H of `Field.from_hamiltonian`.
+        integrals explain. Known integrals are linear ones, and energies of
+        `Field.from_hamiltonian` and `Field.from_lagrangian`.
 
     See Also
     --------
@@ -372,10 +373,22 @@ def _integrals(system: Any) -> int | None:
     """Return the number of known integrals of a field; None for a body, which has further ones."""
     if not isinstance(system, Field):
         return None
+    energy = system._is_hamiltonian or _keeps_energy(system)
     if constraints_of(system):
-        return 0
+        return int(energy)
     [(_, f, table)] = system._listed_right_hand_sides
     moving = [i for i in range(f.D) if i not in f.steady]
     [C] = coefficients(f, table)[:, moving]
     linear = len(moving) - int(np.linalg.matrix_rank(C, tol=1e-12)) if C.size else len(moving)
-    return linear + system._is_hamiltonian
+    return linear + energy
+
+
+def _keeps_energy(field: Field) -> bool:
+    """Return True if the equations conserve the energy of a mechanical system."""
+    if field._equations is None or "energy" not in field._equations.sizes:
+        return False
+    try:
+        field.conserving()
+    except ValueError:  # the energy changes, by a force or a constraint that moves
+        return False
+    return True

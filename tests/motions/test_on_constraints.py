@@ -80,6 +80,29 @@ def test_equilibria_of_a_double_pendulum():
     )
 
 
+@pytest.mark.parametrize("R", [1e-3, 1e3, 1e6])
+def test_equilibria_far_from_their_start(R):
+    circle = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1], "x y", constraints=lambda q, v: q @ q - R * R
+    )
+    starts = np.zeros((30, 4))
+    starts[:, :2] = R * np.random.default_rng(0).normal(size=(30, 2))
+    found = equilibria(circle, starts)
+    assert (found.status == Status.OK).all()
+    assert_allclose(abs(found.states) / R, [[0, 1, 0, 0]] * 30, atol=1e-9)
+
+
+def test_a_bead_that_falls_along_a_line_is_never_at_rest():
+    """Its velocities have constant rates, but they are no clocks."""
+    bead = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1], "x y", constraints=lambda q, v: q[0] - q[1]
+    )
+    with pytest.warns(UserWarning, match="no result"):
+        found = equilibria(bead, [0.3, 0.3, 0, 0])
+    assert found.status == Status.NOT_FOUND
+    assert_allclose(flow(bead, [0, 0, 0, 0], time=2.0).states, [[-1, -1, -1, -1]], atol=1e-14)
+
+
 def test_equilibria_on_a_line():
     """A knife edge in a potential: all states at rest with x = angle = 0 are equilibria."""
     edge = Field.from_lagrangian(
@@ -124,8 +147,7 @@ def test_exponents_with_constraints_in_time():
 
 # ------------------------------------------------------------------------------ periodic orbits
 def test_period_of_a_pendulum():
-    with pytest.warns(UserWarning, match="family"):
-        orbit = periodic_orbit(pendulum(), at(1.0))
+    orbit = periodic_orbit(pendulum(), at(1.0))  # the energy explains its family
     assert_allclose(orbit.period, 4 * ellipk(sin(0.5) ** 2), rtol=1e-12)
     assert_allclose(orbit.multipliers, [1, 1], atol=1e-5)
 

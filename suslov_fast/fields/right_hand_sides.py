@@ -50,12 +50,10 @@ def _with_constants(
     equations: Equations, wrt: Names, actions: Actions
 ) -> tuple[RightHandSide, tuple[float, ...]]:
     """Return the right-hand side, and values of its added parameters, which replace constants."""
-    constants: tuple[float, ...] = ()
-    if actions:
-        actions, constants = with_parameters(actions, len(equations.all_names))
-    else:
-        equations, constants = _without_constants(equations)
-    return _of_list(equations, wrt, actions, len(constants) * bool(actions)), constants
+    first = len(equations.all_names)
+    equations, constants = _without_constants(equations)
+    actions, of_actions = with_parameters(actions, first, len(constants))
+    return _of_list(equations, wrt, actions, len(of_actions)), constants + of_actions
 
 
 @lru_cache(64)
@@ -91,8 +89,7 @@ def _without_constants(equations: Equations) -> tuple[Equations, tuple[float, ..
     So functions that differ only in numbers, as in a loop or a sweep, share machine code.
     """
     names = {name for name, _, _ in equations.products[0].operations}
-    has_branches = not names.isdisjoint(_WITH_BRANCHES)
-    if has_branches or any(is_table(name) or is_matrix(name) for name in names):
+    if any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
     invariants, constraints, positions = equations.invariants
@@ -102,7 +99,11 @@ def _without_constants(equations: Equations) -> tuple[Equations, tuple[float, ..
         count + len(constants), range(len(equations.names), count + len(constants))
     )
     parameters = [*equations.parameters, *map(str, range(len(constants)))]
-    rows = emitted(values, form.to)
+    rows = emitted(values, form.to, new := {a: a for a in range(count)})
+    shift = len(constants)
+    old = equations.values
+    numbers = [*range(count), *(number for _, number, _ in old.operations)]
+    values.take_written(old, {a: new.get(a if a < count else a + shift) for a in numbers})
     D = len(equations.names)
     kept = {"residuals": rows[D : D + constraints], "conserved": rows[D + constraints :]}
     kept = kept if invariants else {}

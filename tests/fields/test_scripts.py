@@ -12,6 +12,8 @@ from scipy import fftpack
 from scipy.interpolate import BSpline, CubicSpline, interp1d, make_interp_spline
 
 from suslov_fast import Event, Field, Map, flow, iterate
+from suslov_fast.fields.right_hand_sides import with_events
+from suslov_fast.motions.events import actions_of
 
 
 def test_time_is_hidden():
@@ -290,11 +292,25 @@ def test_functions_that_differ_in_numbers_share_machine_code():
     """An f that is made anew in a loop is compiled once, whatever number it captures."""
     codes = []
     for k in (2.0, 3.0, 7.5):
-        field = Field(lambda s, k=k: [-k * s[0] * np.cos(s[0]) + k / 4.0], 1)
-        [(_, f, table)] = field._right_hand_sides
-        assert f.value(np.array([0.5]), table[0]) == field([0.5])
-        codes.append(f.key)
-    assert len({*codes}) == 1
+
+        def f(s, k=k):
+            drag = k / 4 * s[1] * abs(s[1]) if s[0] < k / 9 else 0.0
+            return [s[1], -k * s[0] * np.cos(s[0]) - drag]
+
+        field = Field(f, 2)
+        bounce = Event(lambda s, k=k: s[0] - k / 8, to=lambda s, k=k: (s[0], -s[1] / k))
+        for events in ((), (bounce,)):
+            [(_, code, _)] = with_events(field, actions_of(field, events))
+            codes.append(code.key)
+    assert len({*codes}) == 2
+
+
+def test_shared_machine_code_keeps_the_derivative_of_powers():
+    """x**1.5 has the derivative 0 at 0, for which x*sqrt(x) has none."""
+    for k in (2.0, 3.0):
+        field = Field(lambda x, k=k: [-k * x[0] ** 1.5], 1)
+        [(_, code, table)] = field._motion_lists(())
+        assert code.of.jacobian(np.zeros(1), table[0]) == 0.0
 
 
 def test_time_has_any_place_in_lagrangians():

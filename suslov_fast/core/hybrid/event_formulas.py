@@ -89,10 +89,11 @@ class EventAction(NamedTuple):
         return numbers
 
 
-def with_parameters(actions, first):
+def with_parameters(actions, first, others=0):
     """Return `EventAction`s with parameters in place of constants, and a tuple of the constants.
 
-    So events that differ by constants alone share code. Parameters are numbered from `first` on.
+    So events that differ by constants alone share code. Values from `first` on, results of
+    operations, get other numbers: those of `others` parameters come first, then these parameters.
     """
     constants = {}
     for program in (each for action in actions for each in action[:2] if each is not None):
@@ -100,12 +101,12 @@ def with_parameters(actions, first):
         operands = chain(*lists, program.results)
         constants |= dict.fromkeys(a for a in operands if type(a) is float)
     constants = [a for a in constants if a == a and a not in _PLAIN]
-    parameters = {a: first + k for k, a in enumerate(constants)}
+    parameters = {a: first + others + k for k, a in enumerate(constants)}
 
     def new(a, is_parameter=True):
         if type(a) is float:
             return parameters.get(a, a) if is_parameter else a
-        return a if a < first else a + len(constants)
+        return a if a < first else a + others + len(constants)
 
     def of(program):
         operations = (

@@ -181,7 +181,7 @@ def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any
     """Return the value of a function of NumPy at symbolic numbers, as `__array_ufunc__`."""
     name = ufunc.__name__
     if isinstance(kwargs.get("out", (None,))[0], Symbol):
-        del kwargs["out"]  # x += y: x becomes another symbol, as no symbol changes in place
+        raise Untraceable(f"np.{name} is to write into a variable, by out= or one operand too many")
     is_product = ufunc is np.matmul and method == "__call__"
     if is_product and (product := _product(*inputs)) is not None:
         return product
@@ -517,6 +517,9 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 _METHODS = {*FUNCTIONS, *OTHER_NAMES, *_SHORTER}
+for _name in ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "and", "or", "xor"):
+    # x += y makes x another symbol, because no symbol changes in place.
+    setattr(Symbol, f"__i{_name}__", getattr(Symbol, f"__{_name}__"))
 
 
 def _part(name: str, array: Symbols) -> Any:

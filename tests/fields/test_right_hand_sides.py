@@ -358,3 +358,13 @@ def test_other_threads_make_the_arrays_of_numpy():
 
     Field(f, 2)
     assert {*kinds} == {np.ndarray}
+
+
+@pytest.mark.parametrize("f", [
+    lambda x: np.multiply(x[0], 2.0, x[1]), lambda x: np.sin(x[0], x[1]),
+    lambda x: np.multiply(x[0], 2.0, out=x[1]), lambda x: np.add(x[0], x[1], x[0]),
+])  # fmt: skip
+def test_no_function_writes_into_a_variable(f):
+    """A third operand of np.multiply is where NumPy writes: it was left out without a word."""
+    with pytest.raises(TypeError, match="operand too many"):
+        Field(lambda x: (f(x), 0.0), "a b")

@@ -66,7 +66,8 @@ class Event:
         In place of a surface, the times of the event: k times for all trajectories, or k times for
         each one, where ``...`` broadcasts with the batch. NaN fills places without a time.
     most : int, optional
-        The number of times that the event happens, 1 or more; the last time ends the trajectory.
+        The trajectory ends at the event with this number, 1 or more, with the status STOPPED. It
+        does not go on without the event: with ``most=3`` a ball ends at its third bounce.
         Moments at which a resting body leaves the surface do not count.
 
     Notes

@@ -80,7 +80,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
     numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
     low, high = min(numbers, default=0.0), max(numbers, default=0.0)
     if low < 0.0 < high:
-        how = "call flow twice, forward and backward"
+        how = "flow(system, x0, time=T)(t) takes times t on both sides of 0"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
     return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
 

@@ -291,7 +291,7 @@ def test_transforms_and_differences_beside_numpy(f):
 def test_functions_that_differ_in_numbers_share_machine_code():
     """An f that is made anew in a loop is compiled once, whatever number it captures."""
     codes = []
-    for k in (2.0, 3.0, 7.5):
+    for k in (3.0, 5.0, 7.5):
 
         def f(s, k=k):
             drag = k / 4 * s[1] * abs(s[1]) if s[0] < k / 9 else 0.0

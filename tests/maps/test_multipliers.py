@@ -7,6 +7,7 @@ import pytest
 from systems import LORENZ, lorenz
 
 import suslov_fast as sf
+from suslov_fast.maps.formulas import eigenvalues_in_order
 
 FOCUS = [72**0.5, 72**0.5, 27.0]
 
@@ -115,3 +116,20 @@ def test_small_entries_of_jacobians_have_digits(f, x):
     with mpmath.workdps(150):
         exact = naive.derivative(lambda y: naive.kahan_step(f, 1 / 64, y), x, digits=45)
     np.testing.assert_allclose(found, np.array(exact, float), rtol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_last_digits_do_not_choose_the_order(seed):
+    """Of multipliers of modulus 1, of real parts 0, and of numbers that differ."""
+    rng = np.random.default_rng(seed)
+    circle = np.exp(1j * np.array([0.3, -0.3, 2.0, -2.0, 1.2, -1.2, 0.0, np.pi]))
+    expected = np.exp(1j * np.array([1.2, -1.2, 2.0, -2.0, 0.3, -0.3, 0.0, np.pi]))
+    noise = np.repeat(1 + 1e-15 * rng.normal(size=5), [2, 2, 2, 1, 1])
+    order = rng.permutation(8)
+    found = eigenvalues_in_order((circle * noise)[order], abs(circle * noise)[order])
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+    axis = np.array([3j, -3j, 1j, -1j, 0.5, -0.2]) + np.repeat(1e-16 * rng.normal(size=4), 2)[:6]
+    found = eigenvalues_in_order(axis[order[order < 6]], axis.real[order[order < 6]])
+    np.testing.assert_allclose(found, [0.5, 3j, -3j, 1j, -1j, -0.2], atol=1e-14)
+    many = eigenvalues_in_order(np.stack([circle, 2 * circle]), abs(np.stack([circle, circle])))
+    np.testing.assert_allclose(many, [expected, 2 * expected], atol=1e-14)

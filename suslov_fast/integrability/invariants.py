@@ -368,7 +368,6 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
 
     Limits for eps to 0 are independent, and Q is the polynomial with the limit of least degree. The
     P_i are sorted by degree, then members of `preferred` come first, then those with many factors.
-    If two members of a pencil are products of lines, they are the basis.
     """
     echelon = in_echelon_form(space)
     basis = polynomials.with_independent_limits(echelon)
@@ -394,17 +393,8 @@ def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
         return degree_of(in_limit), degree_of(P), is_zero_at_0, not is_definite(P)
 
     ordered = sorted(candidates.values(), key=order)
-    if len(basis) == 2 and highest > 1:
-        split = [*filter(_is_product_of_lines, ordered)]
-        if split and polynomials.rank([*map(polynomials.limit, split)]) == 2:
-            ordered = split
     denominator = min(ordered, key=as_denominator)
     return [denominator, *polynomials.selected(ordered, [denominator], of=polynomials.limit)]
-
-
-def _is_product_of_lines(P: Any) -> bool:
-    """Return True if P is a product of polynomials of degree 1."""
-    return all(degree_of(f) <= 1 for f, _ in polynomials.irreducible_factors(P))
 
 
 def is_definite(P: Any) -> bool:

@@ -1,5 +1,6 @@
 """The pencil of levels N = h D of an integral N / D: reducible members, base points, genus."""
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce
@@ -166,6 +167,30 @@ def pencil(integral: RationalFunction) -> Pencil:
         return Pencil(integral, degree, members, shown, None, reason)
     lost = sum(point.number * (point.loss or 0) for point in points)
     return Pencil(integral, degree, members, shown, comb(degree - 1, 2) - lost, "")
+
+
+def quotient_of_lines(integral: RationalFunction) -> RationalFunction | None:
+    """Return a function of an integral that is a quotient of products of lines; None without one.
+
+    Numerator and denominator have independent limits for eps to 0. If the integral is such a
+    quotient itself, or the pencil has no two members that are products of lines, return None.
+    """
+    space = integral.as_quotient()
+    if not 2 <= integral.degree <= HIGHEST or all(map(_is_product_of_lines, space)):
+        return None
+    with contextlib.suppress(ArithmeticError):  # all levels are reducible, or formulas too long
+        members = [P for P, equation in conjugate_members(space) if len(equation) == 2]
+        lines = sorted(filter(_is_product_of_lines, members), key=polynomials.sort_key)
+        lines.sort(key=lambda P: degree_of(polynomials.limit(P)))
+        own = [P for P in lines if str(P) == str(polynomials.without_content(space[0]))]
+        for numerator, denominator in product([*own, *lines[::-1]], lines):
+            if polynomials.rank([*map(polynomials.limit, (numerator, denominator))]) == 2:
+                return quotient_of(numerator, denominator, integral.basis)
+    return None
+
+
+def _is_product_of_lines(P: Any) -> bool:
+    return all(degree_of(f) <= 1 for f, _ in irreducible_factors(P))
 
 
 def _names(integral: RationalFunction) -> tuple[str, ...]:

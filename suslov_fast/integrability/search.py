@@ -21,6 +21,7 @@ from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
 from .invariants import Invariants
 from .kahan_maps import KahanMap
 from .levels import Level, on_level
+from .levels_of_integrals import quotient_of_lines
 from .linear_relations import ImplicitIntegral, count_relations, implicit_integrals, written_out
 from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, without_content
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
@@ -44,7 +45,7 @@ _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
     ("early proofs",), ("degrees",), ("factors",), ("known cofactors", "all cofactors"),
     ("symmetries",), ("proofs",), ("normal forms",), ("formulas",), ("planar entropy",),
-    ("pencil",), ("levels",),
+    ("pencil",), ("levels",), ("lines",),
 )  # fmt: skip
 _ORDER = {kind: k for k, kinds in enumerate(_GROUPS) for kind in kinds}
 
@@ -144,6 +145,9 @@ class Search:
         self.degrees: list[int] = []
         self.relations: int | None = None
         self.symmetries: tuple[Reversor, ...] = ()
+        self._of_lines = dict[
+            str, RationalFunction
+        ]()  # integrals as quotients of lines, by formula
         self._sought = ""  # kinds of reversing symmetries that were sought
         self.planar: PlanarEntropy | None = None
         self.level: Level | None = None
@@ -158,7 +162,8 @@ class Search:
         report.degrees, report.relations = self.degrees, self.relations
         names = self.map.names, self.map.letter
         for name in ("integrals", "measures", "polynomials"):
-            setattr(report, name, tuple(f.renamed(*names) for f in getattr(self.known, name)))
+            functions = (self._of_lines.get(str(f), f) for f in getattr(self.known, name))
+            setattr(report, name, tuple(f.renamed(*names) for f in functions))
         report.implicit, report.integrals = self.known.implicit, Written(report.integrals)
         report.integrals.others = report.independent - len(report.integrals)
         report.symmetries = self.symmetries
@@ -213,6 +218,8 @@ class Search:
                 yield Task(self._find_entropy_on_level, "levels")
             if isinstance(map, KahanMap) and map.dimension <= SIGNED:
                 yield Task(self._find_symmetries, "symmetries")
+            if map.dimension == 2 and len(map.letters) < 2:
+                yield Task(self._find_quotients_of_lines, "lines")
         if not map.is_invertible:
             return
         if map.hamiltonian is not None:
@@ -286,6 +293,13 @@ class Search:
     def _find_symmetries(self) -> Tasks:
         found, self._sought = reversors(self.map)  # type: ignore[arg-type]
         self.symmetries = tuple(found)
+        return []
+
+    def _find_quotients_of_lines(self) -> Tasks:
+        """Find functions of integrals that are quotients of products of lines."""
+        for f in self.known.integrals:
+            if quotient := quotient_of_lines(f):
+                self._of_lines[str(f)] = quotient
         return []
 
     def _add_modified_energy(self) -> Tasks:

@@ -116,6 +116,9 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
         parameters_of_system = getattr(args[0], "parameters", {}) if is_method else {}
 
         def how(word: str) -> str:
+            is_function = args and inspect.isroutine(args[0])
+            if word == "args" and is_function and (values := _by_name(args[0], kwargs[word])):
+                return f"Field(f, names, {values}), whose parameters have names"
             here = word if word in first else answer(word, known)
             if here in first:
                 return f"the {_ORDINALS[known.index(here)]} argument, {here}, without a name"
@@ -136,6 +139,17 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
         which = f"{others}; pass others" if others else "pass them"
         return TypeError(f"{error}: {which} by name, as {named[0]}=")
     return error
+
+
+def _by_name(f: Any, values: Any) -> str:
+    """Return the last arguments of f with their values, "a=1, b=2"; "" if they are not so many."""
+    values = values if isinstance(values, tuple) else (values,)
+    try:
+        names = [*inspect.signature(f).parameters][-len(values) :]
+    except (TypeError, ValueError):
+        return ""
+    pairs = zip(names, values, strict=False)
+    return ", ".join(f"{a}={b}" for a, b in pairs) if len(names) == len(values) else ""
 
 
 def _call_of_flow(_: Any, second: Any, third: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,15 @@ class UserFunction:
         others = self._others[1:]
         known = [each.name for each in others]
         needed = self.needed
+        if "args" in parameters and "args" not in known:
+            values = parameters["args"]
+            values = values if isinstance(values, tuple) else (values,)
+            pairs = zip(known, map(short, values), strict=False)
+            how = f"Field(f, names, {', '.join(map('='.join, pairs))})"
+            if not all(isinstance(a, Real) for a in values):
+                states = ", ".join(list(self.signature.parameters)[: 1 + self.has_time])
+                how = f"Field(lambda {states}: f({states}, *args), names)"
+            raise wrong("args", "left out", f"{short(parameters['args'])}: pass {how}", TypeError)
         missing = [name for name in needed[1:] if name not in parameters]
         unknown = [name for name in parameters if name not in known]
         signature = self.signature

@@ -325,3 +325,17 @@ def test_time_has_any_place_in_lagrangians():
     )
     assert all(each == first for each in others)
     np.testing.assert_allclose(first([1.0, 0.5], t=0.7), [0.5, -4 * np.cos(0.7)])
+
+
+def test_arguments_of_scipy_become_parameters():
+    def f(t, y, k, m):
+        return [y[1], -k / m * y[0]]
+
+    for call in (
+        lambda: Field(f, "x v", args=(2.0, 3.0)),
+        lambda: flow(f, [1.0, 0.0], time=1.0, args=(2.0, 3.0)),
+    ):
+        with pytest.raises(TypeError, match=r"Field\(f, names, k=2\.0, m=3\.0\)"):
+            call()
+    with pytest.raises(TypeError, match=r"Field\(lambda y, t: f\(y, t, \*args\), names\)"):
+        Field(lambda y, t, K: K @ y, "x v", args=(np.eye(2),))

@@ -1,8 +1,9 @@
-"""Twelve mechanical systems of the literature: exact values, and d'Alembert's principle."""
+"""Mechanical systems of the literature: exact values, and d'Alembert's principle."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm, null_space
 
 from suslov_fast import Field, flow
@@ -424,3 +425,43 @@ def test_bicycle_has_the_published_linear_equations():
     motion = flow(field, x0, time=[1.0, 2.0])
     assert_allclose(motion.energy(), field.energy(x0), rtol=1e-8)
     assert_allclose(motion.residuals(), 0, atol=1e-12)
+
+
+def test_rattleback_turns_back():
+    """The body of Kane and Levinson (1982), beside Newton's and Euler's equations in SciPy."""
+    inertia = np.array([[2e-4, -2e-5, 0], [-2e-5, 1.6e-3, 0], [0, 0, 1.7e-3]])
+    squares = np.array([0.2, 0.03, 0.02]) ** 2
+
+    def contact(g):
+        return np.array([0, 0, 0.01]) - squares * g / np.sqrt((squares * g) @ g)
+
+    def lagrangian(g, u):
+        O, V = u[:3], u[3:]
+        return V @ V / 2 + O @ (inertia @ O) / 2 + 9.81 * contact(g) @ g
+
+    field = Field.from_lagrangian(
+        lagrangian,
+        "g1 g2 g3",
+        "O1 O2 O3 V1 V2 V3",
+        frame=lambda g, u: cross(g, u[:3]),
+        algebra="se3",
+        constraints=lambda g, u: u[3:] + cross(u[:3], contact(g)),
+    )
+
+    def newton(t, x):
+        g, O = x[:3], x[3:]
+        rate, r = np.cross(g, O), contact(g)
+        r_rate = slopes(contact, g) @ rate
+        R = np.array([np.cross(r, e) for e in np.eye(3)]).T  # R b = r x b
+        # force = V' + O x V + 9.81 g with V = -O x r; torque r x force = I O' + O x I O
+        known = -np.cross(O, r_rate) - np.cross(O, np.cross(O, r)) + 9.81 * g
+        right = np.cross(r, known) - np.cross(O, inertia @ O)
+        return [*rate, *np.linalg.solve(inertia - R @ R, right)]
+
+    g, O = np.array([0.01, 0.02, 1.0]) / np.sqrt(1.0005), np.array([0, 0, -5.0])
+    x0 = [*g, *O, *-np.cross(O, contact(g))]
+    motion = flow(field, x0, time=[1.0, 6.0], rtol=1e-11)
+    exact = solve_ivp(newton, (0, 1), x0[:6], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    assert_allclose(motion.states[0, :6], exact, atol=1e-7)
+    assert motion.states[1, 5] > 5.0  # it turns the other way
+    assert_allclose(motion.energy(), field.energy(x0), rtol=1e-8)

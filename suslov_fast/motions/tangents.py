@@ -39,7 +39,7 @@ from ..fields.right_hand_sides import with_events
 from ..maps.orthonormal import dual_product, orthonormal
 from ..status import Status
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
-from .tangent_spaces import TangentSpaces, within
+from .tangent_spaces import TangentSpaces
 
 _MOST = 40  # m of the shortest segment, which has 2**-m of the time
 _UNITS = 2**_MOST  # number of shortest segments in the whole time
@@ -132,11 +132,12 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     return orthonormal(columns[..., ::-1].round(6) + _OF_ALL * generic)[0]
 
 
-def _slowest_first_in(basis: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Return `_slowest_first` columns (B, n, d) in spaces with orthonormal bases (B, n, d)."""
+def _slowest_first_in(basis: FloatArray, left: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return `_slowest_first` columns (B, n, d) in spaces with `TangentSpaces.coordinates`."""
     known = np.isfinite(basis).all(axis=(1, 2), keepdims=True)
     basis = np.where(known, basis, np.eye(*basis.shape[1:]))
-    return dual_product(np.swapaxes(basis, 1, 2), _slowest_first(within(basis, slopes)))
+    left = np.where(known, left, np.eye(*left.shape[1:]))
+    return dual_product(np.swapaxes(basis, 1, 2), _slowest_first(left @ slopes @ basis))
 
 
 def _decomposed(V: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -174,7 +175,9 @@ class _Run:
         square = len(x), len(self.moving), len(self.moving)
         slopes = np.broadcast_to(slopes[..., self.moving], square)
         slopes = np.where(np.isfinite(slopes).all(axis=(1, 2), keepdims=True), slopes, 0.0)
-        self.Q = _slowest_first_in(spaces.basis(x), slopes) if spaces else _slowest_first(slopes)
+        self.Q = (
+            _slowest_first_in(*spaces.coordinates(x), slopes) if spaces else _slowest_first(slopes)
+        )
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)

@@ -125,6 +125,33 @@ def test_exponents_of_a_damped_pendulum():
     assert_allclose(found.sum(), -0.4, rtol=1e-8)
 
 
+@pytest.mark.parametrize("R", [1e-3, 1.0, 1e3])
+def test_exponents_over_short_times_are_those_of_the_angle(R):
+    """Areas of tangent spaces do not depend on the velocity: the sum is 0 at all times."""
+    circle = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - 9.81 * q[1], "x y", constraints=lambda q, v: q @ q - R * R
+    )
+    angle = Field(lambda x: (x[1], -9.81 / R * sin(x[0])), "a w")
+    found = lyapunov_exponents(circle, R * np.array(at(2.0)), time=1.0)
+    assert_allclose(found, lyapunov_exponents(angle, [2.0, 0.0], time=1.0), rtol=1e-8)
+    assert abs(found.sum()) < 1e-8 * found[0]
+
+
+def test_exponents_of_a_blade():
+    """Rows without holonomic constraints: displacements are free, velocities are not."""
+    blade = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[0],
+        "x y angle",
+        constraints=lambda q, v: v[0] * sin(q[2]) - v[1] * cos(q[2]),
+    )
+    found = lyapunov_exponents(blade, [0, 0, 0, 0, 0, 1.0], time=20.0)
+    assert found.shape == (5,)
+    by_hand = Field(lambda x: (x[3] * cos(x[2]), x[3] * sin(x[2]), x[4], -cos(x[2]), 0 * x[4]), 5)
+    exact = lyapunov_exponents(by_hand, [0, 0, 0, 0, 1.0], time=20.0)
+    assert_allclose(found, exact, atol=0.05)  # they have other norms
+    assert abs(found.sum()) < 1e-7
+
+
 def test_exponents_of_a_batch_have_the_bits_of_single_ones():
     field, starts = pendulum(g=[1.0, 2.0]), [at(1.0), at(2.0)]
     together = lyapunov_exponents(field, starts, time=20.0)

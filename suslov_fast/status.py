@@ -72,7 +72,10 @@ _MESSAGES = {
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
     Status.ENDED: "the solution ends: it escapes to infinity, or reaches a pole of the equations",
-    Status.SLIDING: "the solution slides along conditions that do not tell how it goes on",
+    Status.SLIDING: (
+        "the solution slides along conditions, or crosses them ever faster, and they do not tell "
+        "how it goes on"
+    ),
     Status.TOO_MANY_STEPS: (
         "stopped before the last time: steps and events follow one another, and the solution does "
         "not move on; or progress returned False"

@@ -36,7 +36,8 @@ CAUSES = {
         "new state of an event has no value there"
     ),
     Status.SLIDING: (
-        "slide along conditions y = 0 of f, and f does not tell how they go on (smooth them by "
+        "slide along conditions y = 0 of f, or cross them ever faster, as with twisting and "
+        "super-twisting controllers, and f does not tell how they go on (smooth them by "
         "np.tanh(y/width) for np.sign(y), or use two thresholds)"
     ),
     Status.TOO_MANY_STEPS: (

@@ -167,7 +167,7 @@ class _Run:
         self.event_times = request.event_times
         self.n = spaces.size if spaces else len(self.moving)
         self.tangent = variational(f, self.n, True)
-        is_plain = not (f.is_dense or f.products or f.hybrid.branches or f.hybrid.events or spaces)
+        is_plain = not (f.is_dense or f.products or f.hybrid.chooses or f.hybrid.acts or spaces)
         self.has_frames = np.full(len(x), is_plain and self.n <= _LARGEST_FRAME)
         self.count = np.zeros(len(x), np.int64)  # number of segments so far
         self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far

@@ -18,7 +18,7 @@ def coefficients(f, table):
     `table` (members, n) has the table of f for each set of parameters. Each column of C is divided
     by its largest entry. A value that depends on branches is not expanded: it is a function in m.
     """
-    parameters = f.P if f.hybrid.branches is None else f.hybrid.branches.P
+    parameters = f.hybrid.parameters(f.P)
     choices = depending(f.fixed, range(f.D + parameters, f.D + f.P))
     columns = dict(zip(f.table, table.T, strict=True))
     # {number of a value: {factors of a term: its coefficients, and the sums of their moduli}}

@@ -32,7 +32,7 @@ class ComponentSets(NamedTuple):
 @functools.lru_cache(64)
 def sets_of(f):
     """Return the `ComponentSets` of a `RightHandSide`, or None if Störmer's rule cannot use any."""
-    if f.is_dense or f.hybrid.branches is not None:  # with branches, columns need Gragg's smoothing
+    if f.is_dense or f.hybrid.chooses:  # with branches, columns need Gragg's smoothing
         return None
     moving = [i for i in range(f.D) if f.reads[i]]
     still = sum(1 << i for i in range(f.D) if not f.reads[i])

@@ -169,9 +169,7 @@ def counted_from_start(f, table, x0):
     if not np.count_nonzero(starts):
         return table, x0, None
     own, x0 = f.of, x0.copy()
-    count = (
-        own.P if f.hybrid.branches is None else f.hybrid.branches.P
-    )  # places from `count` on: branches
+    count = f.hybrid.parameters(own.P)  # branches have the places from `count` on
     if f is own and len(x0) == 1:  # NumPy would take ten times as long
         given = np.zeros(own.P)
         given[:count] = table.ravel()[:count]
@@ -233,12 +231,12 @@ class BatchSolver:
         set_times(self.numbers, integrator, settings, self.times)
         if not acts:
             self.numbers[NUMBER.acts] = 0.0
-        if f.hybrid.events:
+        if f.hybrid.acts:
             event_times = request.event_times or NO_EVENT_TIMES
             self.event_times, self.equal = event_times.array
             self.numbers[NUMBER.enough] = request.most
             self.numbers[NUMBER.since] = request.since
-        if f.hybrid.branches:  # trajectories have branches of their own, which the code chooses
+        if f.hybrid.chooses:  # trajectories have branches of their own, which the code chooses
             self.table = np.broadcast_to(self.table, (B, self.table.shape[-1])).copy()
 
     def integrator(self, mode):
@@ -328,7 +326,7 @@ class BatchSolver:
                     abandoned.append(True)
             if is_done:
                 break
-        if self.f.hybrid.branches:  # the code has written branches to the tables of trajectories
+        if self.f.hybrid.chooses:  # the code has written branches to the tables of trajectories
             self.table[which] = runner.table
 
     def _runner(self, integrator, rows, which, W):

@@ -124,7 +124,7 @@ def choose(code):
 def renew(code):
     """Choose new branches where f has jumped, and where solutions end just before a surface."""
     text, line, work = code.text, code.line, code.work
-    if code.f.hybrid.branches.jumps:
+    if code.f.hybrid.jumps:
         jumped = (work.accepted[0] > 0.0) & (work.jumped[0] > 0.0)
         with text.when(jumped.any(), likely=False):
             _jump(code, jumped)
@@ -138,7 +138,7 @@ def renew(code):
 def _jump(code, jumped):
     """Choose branches in lanes where f has `jumped`; seek a surface that is just ahead."""
     line, acted = code.line, code.text.value(0.0)
-    if code.integrator.events:
+    if code.f.hybrid.acts:
         acted = line.t[0].equals(line.at[0]).select(1.0, 0.0)
     _choose(code, jumped, acted)
     code.keep(line, code.apply(CHOSEN, mode=code.mode, acted=acted), jumped)
@@ -170,7 +170,7 @@ def _look_ahead(code, part):
 def _choose(code, truth, acted):
     """Choose branches in lanes `truth`; update f, and columns unless an event `acted`."""
     text, work, f = code.text, code.work, code.f
-    has_columns = f.columns and f.hybrid.branches.jumps > 0
+    has_columns = f.columns and f.hybrid.jumps
     text.copy(work.f_new, work.f_old, code.f.of.D)
     if has_columns:
         code.call("slopes", work.new, code.table, work.slopes)
@@ -236,7 +236,7 @@ def _go_on(code, ended):
         own = _look_ahead(code, part)
         ahead = (ahead.equals(0.0) & (work.chosen[1] > 0.0)).select(own, ahead)
     goes_on = ended & (ahead > 0.0)
-    t, stop = line.t[0], line.stop[0] if code.integrator.events else text.value(inf)
+    t, stop = line.t[0], line.stop[0] if code.f.hybrid.acts else text.value(inf)
     after = code.apply(GOES_ON, ahead=ahead, stop=stop)
     is_saved, signed_after = goes_on & (after.pop("slides") < 1.0), after.pop("signed")
 

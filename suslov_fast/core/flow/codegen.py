@@ -96,7 +96,7 @@ class StepCode(FunctionCode):
     def goal(self):
         """Return the time that no step passes: the last one, or the next given time of an event."""
         last = self.number("last")
-        if not self.integrator.events:
+        if not self.integrator.f.hybrid.acts:
             return last
         stop = self.line.stop[0]
         return (last < stop).select(last, stop)

@@ -82,7 +82,7 @@ def save_states(code):
         if code.integrator.rule.interpolates:
             with text.when(_passed(code, Value.__gt__).any()):
                 text.invoke(f"{code.name}_between", code.arguments)
-        if not code.integrator.events:
+        if not code.f.hybrid.acts:
             save(code, _passed(code, Value.equals).bits(), work.new)
 
 
@@ -102,7 +102,7 @@ def _passed(code, how):
     of events come before the state at this time.
     """
     end = code.line.t[0]
-    if code.integrator.events:
+    if code.f.hybrid.acts:
         end = (code.work.at_surface[0] > 0.0).select(end - NEARLY * end, end)
     return (code.work.accepted[0] > 0.0) & how(end, code.line.next[0])
 

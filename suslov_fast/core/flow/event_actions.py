@@ -487,7 +487,7 @@ def _act(code, k, truth, by_motion=None):
             work.new.choose(truth, places[n], work.changed[n])
         for i in text.each(D):
             line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
-        if integrator.f.hybrid.branches:
+        if integrator.f.hybrid.chooses:
             branch_choice.update_branches(code, truth)
         code.call("f", work.new, code.table, work.f_new)
     _take_columns(code, k, truth, by_motion, work.before, work.f_before)
@@ -539,12 +539,12 @@ def _next_stop(code, bits):
 
 def _go_on(code, at_given_time, again):
     """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
-    line, work, branches = code.line, code.work, code.f.hybrid.branches
+    line, work = code.line, code.work
     sums = sizes_of(code, work.new, work.f_new)
     before = sizes_of(code, line.largest, line.f)  # `line.f` is f where the step began
     endless = (work.actions_now[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     is_changed = at_given_time | (work.actions_now[0] > 0.0)
-    if branches and branches.jumps:
+    if code.f.hybrid.jumps:
         work.jumped.choose(is_changed & line.state[0].equals(code.mode), 0, 1.0)
     inputs = vars(sums) | vars(again) | {"endless": endless}
     inputs |= {"largest": before.size, "rate_before": before.rate}

@@ -110,7 +110,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     # Integrators with `is_relative` compute motions again, see `growing_components`.
     both = [(mode, each, each is again) for each in (settings, again) for mode in modes]
     integrators = [batch_solver.integrator_of(f, *each) for each in both]
-    codes = [batch_solver.code_of(each, 1, f.hybrid.branches is not None) for each in integrators]
+    codes = [batch_solver.code_of(each, 1, f.hybrid.chooses) for each in integrators]
     of_again = codes[-len(modes) :]
     of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
     of_start, of_test = (0, 0)
@@ -122,7 +122,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     row = np.zeros(rows.size)
     row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
     at_once, size = 0, size_of(f)
-    if f.hybrid.events:
+    if f.hybrid.acts:
         row[rows.stop : rows.stop + 2] = times[0, 0]
         at_once = 2 * most_records(f.hybrid.events, equal) * size
     parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
@@ -153,7 +153,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         clocks=_CLOCKS + len(pairs),
         components_again=ends[0],
         numbers_again=ends[1],
-        event_times=ends[2] * bool(f.hybrid.events),
+        event_times=ends[2] * f.hybrid.acts,
         template=ends[3],
         size_of_record=size,
         size_of_table=len(f.of.table) if f.of.constraints_count else 0,

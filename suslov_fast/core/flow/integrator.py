@@ -44,14 +44,10 @@ class Integrator:
         self.f, self.rule, self.has_atol, self.codes = f, rule, has_atol, {}
         self.is_relative = is_relative
         self.parts = [(0, f.of.D)] + [(f.of.D, f.D - f.of.D)] * (f.columns > 0)
-        self.watched = f.of.D if f.hybrid.watch else 0
-        self.is_bounded = bool(f.clocks) or (
-            f.hybrid.branches is not None and f.hybrid.branches.jumps > 0
-        )
-        surfaces = f.hybrid.branches.surfaces if f.hybrid.branches else ()
-        self.kinks = [surface.kind for surface in surfaces if not surface.jumps]
-        self.events = f.hybrid.events
-        self.event_surfaces = f.hybrid.events.surfaces if f.hybrid.events else 0
+        self.watched = f.of.D if f.hybrid.ends_steps else 0
+        self.is_bounded = bool(f.clocks) or f.hybrid.jumps
+        self.kinks, self.events = f.hybrid.kinks, f.hybrid.events
+        self.event_surfaces = f.hybrid.event_surfaces
         if f.is_dense:
             self.functions = {"f": vector_functions.DenseQuadratic(f.D, False)}
         else:
@@ -64,9 +60,9 @@ class Integrator:
         self.at_points = (1 + len(POINTS)) * (self.surfaces + sum(self.double_crossings.inside))
         if self.watched:
             self._add_surfaces()
-        if f.hybrid.events:
+        if f.hybrid.acts:
             self._add_events()
-        if f.hybrid.branches:
+        if f.hybrid.chooses:
             self._add_branches()
         if f.of.projection:
             first = 2 * f.of.D + f.of.invariants_count

@@ -38,7 +38,7 @@ def _write_back(code, offset):
     text, of, integrator = code.text, code.of, code.integrator
     number_plus_1 = Integers(text, code.work.own.at() + offset)[0]
     parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
-    if integrator.f.hybrid.branches:  # the code writes the branches it chooses to the table
+    if integrator.f.hybrid.chooses:  # the code writes the branches it chooses to the table
         parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
     with text.when(number_plus_1.differs(0)):
         number = number_plus_1 - 1
@@ -51,7 +51,7 @@ def pause_if_spent(code):
     """Let the code return 0, to pause, if the budget is spent or the buffer of records is full."""
     text, left = code.text, code.arguments[SLOT.budget]
     is_spent = left.equals(0)
-    if code.integrator.events:  # the buffer of records may be too full for the next step
+    if code.f.hybrid.acts:  # the buffer of records may be too full for the next step
         is_spent = is_spent | (code.arguments[SLOT.recorded] > code.of.full)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W):
@@ -63,7 +63,7 @@ def pause_if_spent(code):
 def _begin(code, begins):
     """Begin trajectories in lanes `begins`: find f, the largest moduli, and the first length."""
     text, line, f_new = code.text, code.line, code.work.f_new
-    if code.f.hybrid.branches:
+    if code.f.hybrid.chooses:
         text.copy(line.x, code.work.new, code.D)
         branch_choice.update_branches(code, begins)
     projection.keep_levels(code, begins, line.x)
@@ -76,7 +76,7 @@ def _begin(code, begins):
     sums, times = step_length.sizes_of(code, line.x, f_new), Shared(text, code.of.times)
     found = code.apply(step_length.BEGIN, first_next=times[0], second_next=times[1], **vars(sums))
     code.keep(line, found, begins)
-    if code.integrator.events:
+    if code.f.hybrid.acts:
         _begin_with_events(code, begins)
 
 

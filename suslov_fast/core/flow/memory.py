@@ -31,7 +31,7 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 def rows_of_trajectory(integrator):
     """Return the first row of each part of a trajectory's data, and their number, `size`."""
     f, watched, events = integrator.f, integrator.watched, integrator.events
-    D, chooses, acts = f.D, int(bool(f.hybrid.branches)), int(bool(events))
+    D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
     surfaces, actions = integrator.event_surfaces, events.count if acts else 0
     return _first_rows(
         x=D,  # the state
@@ -85,12 +85,12 @@ def rows_of_trajectory(integrator):
 
 def rows_of_work(integrator):
     """Return the first row of each part of a step's workspace, and their number, `size`."""
-    f, of_x, watched, events = integrator.f, integrator.f.of, integrator.watched, integrator.events
-    D, chooses, acts = f.D, int(bool(f.hybrid.branches)), int(bool(events))
+    f, of_x, watched = integrator.f, integrator.f.of, integrator.watched
+    D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
     extended, surfaces = D + len(f.denominators), integrator.event_surfaces
     kept = of_x.invariants_count
     of_ends = len(integrator.rule.columns) * D
-    has_slopes = chooses and f.hybrid.branches.jumps and f.columns
+    has_slopes = f.hybrid.jumps and f.columns
     in_lanes = integrator.rule.lanes
     return _first_rows(
         line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`

@@ -13,7 +13,7 @@ RULES = Stormer, Gragg, LinearlyImplicit  # of the rules of a mode, the first th
 def rule_of(f, mode, rtol):
     """Return the `Rule` of f for lanes in this `LaneState`."""
     own = next(rule for rule in RULES if rule.mode == mode and rule.fits(f))
-    return _rule(own, f, own.columns_for(rtol, bool(f.hybrid.watch)))
+    return _rule(own, f, own.columns_for(rtol, f.hybrid.ends_steps))
 
 
 _rule = functools.lru_cache(64)(lambda own, f, columns: own(f, columns))

@@ -58,7 +58,7 @@ class _PreparedRunner(batch_solver.StepRunner):
             self.point_to(self.times.buffer_info()[0], 0, 8 * self.x.size)
         self.now[:] = self.first
         self.x[:] = x0
-        if not self.integrator.events:
+        if not self.integrator.f.hybrid.acts:
             return
         if (given := request.event_times or batch_solver.NO_EVENT_TIMES) is not self.event_times:
             self.event_times, first = given, self.integrator.rows.stop
@@ -86,7 +86,7 @@ def solve_small_batch(f, table, x0, request):
     B, starts, count = len(x0), None, len(request.times)
     if f.hybrid.offsets:
         table, x0, starts = batch_solver.counted_from_start(f, table, x0)
-    key = f, request.settings, request.sign, B, f.hybrid.branches is not None or table.ndim > 1
+    key = f, request.settings, request.sign, B, f.hybrid.chooses or table.ndim > 1
     free = prepared(*key)
     try:
         runner = free.pop()
@@ -104,7 +104,7 @@ def solve_small_batch(f, table, x0, request):
         runner.use(batch_solver.integrator_of(f, int(ends[0]), request.settings))  # it turns
     states = np.ndarray((count, B, f.D), np.float64, states)
     if ends.count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
-        own = runner.table.copy() if f.hybrid.branches else None
+        own = runner.table.copy() if f.hybrid.chooses else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
         columns = {name: row.astype(kind) for name, (row, kind) in runner.columns.items()}

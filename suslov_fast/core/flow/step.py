@@ -68,10 +68,10 @@ def take_step(code):
     dense_output.save_states(code)
     if integrator.kinks:
         branch_choice.choose(code)
-    if integrator.events:
+    if integrator.f.hybrid.acts:
         event_actions.act(code)
         dense_output.save_at_end(code)
-    if code.f.hybrid.branches:
+    if code.f.hybrid.chooses:
         branch_choice.renew(code)
     growing_components.sound(code)
     step_length.count(code)
@@ -101,7 +101,7 @@ def _accept(code, errors, t):
         found["wanted"] = (errors["kept"] < 0.0).select(0.0, found["wanted"])
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
     code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
-    if code.integrator.events:  # a step cut at an event's given time does not shorten the next step
+    if code.f.hybrid.acts:  # a step cut at an event's given time does not shorten the next step
         is_there = (errors["accepted"] > 0.0) & (found["t"] >= line.stop[0])
         wanted = larger_of(found["wanted"], line.wanted[0])
         found["wanted"] = is_there.select(wanted, found["wanted"])

@@ -24,9 +24,9 @@ def text_of_integrator(integrator, name, W, for_each):
         function.add(text, f"{name}_{key}", for_each)
     integrator.rule.add(text, integrator, name, for_each)
     parts = {"small": growing_components.find_alarms}
-    if integrator.f.hybrid.branches:
+    if integrator.f.hybrid.chooses:
         parts["choose"] = branch_choice.choose_branches
-    if integrator.events:
+    if integrator.f.hybrid.acts:
         parts["change"] = event_actions.change
     if integrator.rule.interpolates:
         parts["between"] = dense_output.save_between
@@ -37,7 +37,7 @@ def text_of_integrator(integrator, name, W, for_each):
     code = StepCode(text, integrator, name, for_each)
     taken = code.work.taken
     for now in text.rounds(Carried()):
-        if integrator.events:  # events at time 0 fill the buffer of records without a step
+        if integrator.f.hybrid.acts:  # events at time 0 fill the buffer of records without a step
             pause_if_spent(code)
         choose_length(code)
         free = ~(taken[0] > 0.0)
@@ -46,7 +46,7 @@ def text_of_integrator(integrator, name, W, for_each):
             choose_length(code)
         is_active = taken[0] > 0.0
         with text.when(is_active.any(), likely=True):
-            if not integrator.events:
+            if not integrator.f.hybrid.acts:
                 pause_if_spent(code)
             take_step(code)
         now.goes_on = code.has_trajectories()

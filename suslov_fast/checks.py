@@ -128,9 +128,12 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
+_PLAIN = {np.ndarray, list, tuple}
+
+
 def start_of(value: Any, time: Any) -> tuple[Any, Any]:
     """Return states and the time at them; a motion goes on at its end, by default at its time."""
-    if not hasattr(value, "_last"):
+    if type(value) in _PLAIN or not hasattr(value, "_last"):  # the first test is for speed
         return value, time
     states, end = value._last
     return states, end if time is None else time

@@ -246,6 +246,9 @@ def split_values(values: Mapping[str, Any], known: Sequence[str] = ()) -> dict[s
     """Return parameters by name, with pairs in place of complex ones, and of `known` pairs."""
     parts: dict[str, Any] = {}
     for name, value in values.items():
+        if type(value) is float and name + _RE not in known:  # for speed
+            parts[name] = value
+            continue
         array = np.asarray(value)
         if name + _RE in known or (array.dtype.kind == "c" and name not in known):
             parts |= {name + _RE: array.real[()], name + _IM: array.imag[()]}

@@ -13,6 +13,7 @@ from ..calls import Progress, reporter, thread_count
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
+from ..fields.invariants import changes_of
 from ..fields.map import Map
 from ..keywords import public
 from ..maps.derivatives import growth
@@ -149,8 +150,9 @@ def lyapunov_exponents(
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
-    since = body._layout.times(x)
-    warn_of_changes(body, x, batch, np.empty((0, *x.shape)), request.times[:0], since)
+    if changes := changes_of(body):
+        none, since = np.empty((0, *x.shape)), body._layout.times(x)
+        warn_of_changes(changes, body, x, batch, none, request.times[:0], since)
     causes = {**motion_arguments.causes_of(body), **_SLIDING}
     motion_arguments.warn_of_ends(ends, x, batch, causes=causes)
     return exponents.reshape(*batch, exponents.shape[1])

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray, first_index, spell, warn
-from ..fields.invariants import changes_of
+from ..fields.invariants import Changes
 
 _MOST = 24  # the most saved states of each trajectory that are tested
 
 
 def warn_of_changes(
+    changes: Changes,
     field: Any,
     starts: FloatArray,
     batch: tuple[int, ...],
@@ -24,8 +25,7 @@ def warn_of_changes(
 
     `since` is the time t at the starts, a number or (B,).
     """
-    changes = changes_of(field)
-    if changes is None or not len(starts):
+    if not len(starts):
         return
     kept = np.arange(len(times))
     if len(times) > _MOST:

@@ -186,11 +186,14 @@ def _orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
-        if changes_of(field):  # integrals may change near x0 alone, if the result is at rest
+        if changes := changes_of(
+            field
+        ):  # integrals may change near x0 alone, if the result is at rest
             looks = search.T * _LOOKS
             states = np.concatenate([motion.states(each, looks) for each in (x, orbit.state)])
             since = body._layout.times(x)
-            warn_of_changes(field, x[np.newaxis], (), states[:, None], np.tile(looks, 2), since)
+            twice = np.tile(looks, 2)
+            warn_of_changes(changes, field, x[np.newaxis], (), states[:, None], twice, since)
         orbit = orbit._replace(
             state=body._layout.leave(orbit.state), derivatives=_derivatives(search, names)
         )

@@ -13,6 +13,7 @@ from ..checks import FloatArray
 from ..core.flow.batch_solver import SolverRequest
 from ..core.hybrid.event_formulas import EventAction
 from ..fields.field import Field
+from ..fields.invariants import changes_of
 from ..fields.right_hand_sides import with_events
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
@@ -61,7 +62,9 @@ def solution(
         if not is_clear and len(where := are_stuck(result, at_rest[0])):
             part = Sliding(system._field, x, batch, where, request, events)
             result, phases = part.continued(result, names, at_rest)
-        warn_of_changes(system, x, batch, result.states, times, system._layout.times(x))
+        if (changes := changes_of(system)) is not None:
+            since = system._layout.times(x)
+            warn_of_changes(changes, system, x, batch, result.states, times, since)
         if report is not None and total and not result.is_stopped:
             # The engine may report less: it counts equal times once, and no states after an end.
             report(total)

@@ -261,7 +261,9 @@ def checked_events(events: Any) -> tuple[Event, ...]:
             received = short(each) + f": pass Event({each!r})" * isinstance(each, str)
             if callable(each):
                 more = ", terminal=True" * bool(getattr(each, "terminal", False))
-                received = f"a function: pass Event({getattr(each, '__name__', 'f')}{more})"
+                name = getattr(each, "__name__", "f")
+                name = name if name.isidentifier() else "f"  # of a lambda it is not
+                received = f"a function: pass Event({name}{more})"
             raise wrong("events", "an Event, or a list of them", received, TypeError)
     return tuple(given)
 

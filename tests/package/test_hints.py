@@ -95,6 +95,7 @@ ROWS = [
     ("flow(PENDULUM, [1, 0], k=1)", "with_parameters"),
     ("sf.iterate(QUADRATIC, [1, 0], 0.1, 9, rho=1)", "with_parameters"),
     ("flow(PENDULUM, [1, 0], time=1, events=ends)", r"Event\(ends, terminal=True\)"),
+    ("flow(PENDULUM, [1, 0], time=1, events=lambda x: x[0])", r"pass Event\(f\)$"),
     ("flow(PENDULUM, [1, 0], terminal=1 | dose_times=1 | affect=1)", r"Event\("),
     ("flow(PENDULUM, [1, 0], callback=1)", r"Event\("),
     ("sf.Event(affect=1 | action=1)", "'to'|use to"),

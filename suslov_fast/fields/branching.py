@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -22,6 +23,14 @@ _CUTS = {
 }
 _Cut = tuple[float, int]
 _ANYWHERE: tuple[_Cut, _Cut] = (-float("inf"), 0), (float("inf"), 1)
+
+
+class Raised(Exception):
+    """A `raise` or `assert` of f itself; the attribute `error` is what it raises."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__()
+        self.error = error
 
 
 class _Path:
@@ -78,17 +87,25 @@ def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
 
     The first path is taken twice, and must return the same operands.
     """
-    count = 0
+    count, errors = 0, list[Exception]()
+
+    def result() -> list[Any]:
+        """Return the operands; none if f raises an error, so that it has no value on this path."""
+        try:
+            return call()
+        except Raised as error:
+            errors.append(error.error)
+            return []
 
     def of(taken: dict[int, bool]) -> list[Any]:
         nonlocal count
         count += 1
         path = _Path(tracer, taken)
         tracer.decide = path.decide
-        rows = call()
+        rows = result()
         if not taken:
             tracer.decide = _Path(tracer, taken).decide
-            if [*map(repr, rows)] != [*map(repr, call())]:  # numbers: equal operations share one
+            if [*map(repr, rows)] != [*map(repr, result())]:  # numbers: equal operations share one
                 how = "f must compute from x and its parameters alone, without random numbers or "
                 raise ValueError(f"two calls of f differ: {how}memory")
         questions = [*path.new]
@@ -97,6 +114,7 @@ def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
             if count >= MOST:
                 raise asked(str(Symbol(tracer, key)))
             others = of({**taken, **dict.fromkeys(questions[:k], True), key: False})
+            rows, others = rows or [math.nan] * len(others), others or [math.nan] * len(rows)
             if len(others) != len(rows):
                 raise Untraceable("returns different numbers of components after an `if`")
             pairs = zip(rows, others, strict=True)
@@ -106,6 +124,8 @@ def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
         return rows
 
     try:
-        return of({})
+        if not (rows := of({})):
+            raise errors[0]
+        return rows
     finally:
         tracer.decide = None

@@ -20,7 +20,16 @@ from typing import Any
 import numpy as np
 
 from .scipy_tables import at_symbols, is_table
-from .script_functions import IN_PLACE, IN_PLACE_FILLING_ALL, OF_BUILTINS, of_scipy, taking_lists
+from .script_functions import (
+    IN_PLACE,
+    IN_PLACE_FILLING_ALL,
+    OF_BUILTINS,
+    either,
+    entry_by_entry,
+    of_scipy,
+    taking_lists,
+)
+from .symbols import Symbols
 
 _KEPT = {*sys.stdlib_module_names, "numpy", "scipy", "numba", "suslov_fast"} - {"__main__"}
 _MOST_ENTRIES = 100  # longer lists hold data
@@ -66,6 +75,7 @@ class Names:
         self._known: dict[int, tuple[Any, Any]] = {}  # by id: the object, which lives, and ours
         self._spaces: dict[int, dict[str, Any]] = {}  # ours, by the id of the global names
         self._classes: dict[Any, Any] = {}
+        self._fills_all = fills_all
         self._exchanged = IN_PLACE_FILLING_ALL if fills_all else IN_PLACE
         self._builtins = {**vars(builtins), **OF_BUILTINS, "__import__": self._imported}
         self._makers: dict[Any, Callable[[Any], Any]] = {
@@ -73,6 +83,7 @@ class Names:
             ModuleType: self._view,
             SimpleNamespace: self._view,
             functools.partial: self._partial,
+            np.vectorize: lambda f: self._keep(f, either(f, entry_by_entry(self.of(f.pyfunc)))),
             _CACHED: lambda f: self._keep(f, self.of(f.__wrapped__)),
             list: self._entries,
             tuple: self._entries,
@@ -95,17 +106,19 @@ class Names:
     def _maker(self, value: Any) -> Callable[[Any], Any] | None:
         """Return the function that makes what f finds in place of a value; None for itself."""
         kind = type(value)
-        if kind in _PLAIN:
-            return None
         known = self._exchanged.get(id(value)) or self._known.get(id(value))
         if known is not None:
             return lambda _: known[1]
+        if kind is np.ndarray and self._fills_all and value.dtype.char in "dD":
+            return lambda value: self._keep(value, value.astype(object).view(Symbols))
+        if kind in _PLAIN:
+            return None
+        if kind in self._makers:
+            return self._makers[kind]
         if (found := of_scipy(value)) is not None:
             return lambda value: self._keep(value, found)
         if kind is FunctionType:
             return None if _is_kept(value.__globals__.get("__name__")) else self._function
-        if kind in self._makers:
-            return self._makers[kind]
         if (found := taking_lists(value)) is not None:
             return lambda value: self._keep(value, found)
         if is_table(value):
@@ -202,6 +215,11 @@ class Names:
             return self._keep(value, value)
         object.__setattr__(ours, "__dict__", value.__dict__)
         return self._keep(value, ours)
+
+
+def is_copied(frame: Any) -> bool:
+    """Return True for a frame of a function that is a copy."""
+    return bool(frame.f_builtins.get("isinstance") is OF_BUILTINS["isinstance"])
 
 
 def _names_in(code: CodeType) -> set[str]:

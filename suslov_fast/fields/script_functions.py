@@ -33,8 +33,33 @@ def either(plain: Any, traced: Any) -> Any:
     return function
 
 
-def _extreme(ufunc: Any, *given: Any) -> Any:
+def entry_by_entry(function: Any) -> Any:
+    """Return a function of numbers as one of arrays, as `np.vectorize` does."""
+
+    def of_arrays(*given: Any, **options: Any) -> Any:
+        one = functools.partial(function, **options)
+        arrays = [np.asarray(a, object).view(np.ndarray) for a in given]
+        found = np.frompyfunc(one, len(given), 1)(*arrays)
+        return found.view(Symbols) if isinstance(found, np.ndarray) else found
+
+    return of_arrays
+
+
+def _vectorize(function: Any, *given: Any, **options: Any) -> Any:
+    return either(np.vectorize(function, *given, **options), entry_by_entry(function))
+
+
+def _extreme(plain: Any, ufunc: Any, *given: Any, key: Any = None, default: Any = None) -> Any:
+    if key is not None:
+        return plain(*given, key=key)
     return functools.reduce(ufunc, given[0] if len(given) == 1 else given)
+
+
+def _isinstance(value: Any, kinds: Any) -> bool:
+    """Return the answer for a float64 or complex128, if the value is a symbol."""
+    if not isinstance(value, Symbol):
+        return isinstance(value, kinds)
+    return issubclass(np.complex128 if value.is_complex else np.float64, kinds)
 
 
 def _log(a: Any, base: Any = math.e) -> Any:
@@ -73,6 +98,9 @@ class _Number(type):
     def __instancecheck__(cls, value: Any) -> bool:
         return isinstance(value, cls.of)
 
+    def __subclasscheck__(cls, other: Any) -> bool:
+        return issubclass(other, cls.of)
+
     def __eq__(cls, other: object) -> bool:
         return other is cls or other is cls.of
 
@@ -88,15 +116,22 @@ class _Float(metaclass=_Number):
     convert = staticmethod(_real)
 
 
+class _Float64(metaclass=_Number):
+    of, dtype = np.float64, np.dtype(float)
+    convert = staticmethod(_real)
+
+
 class _Complex(metaclass=_Number):
     of, dtype = complex, np.dtype(complex)
     convert = staticmethod(lambda real, imag=0.0: real + 1j * imag if has_symbols([imag]) else real)
 
 
 OF_BUILTINS = {
-    "max": either(max, functools.partial(_extreme, np.maximum)),
-    "min": either(min, functools.partial(_extreme, np.minimum)),
+    "max": either(max, functools.partial(_extreme, max, np.maximum)),
+    "min": either(min, functools.partial(_extreme, min, np.minimum)),
     "round": either(round, lambda a, digits=0: np.round(a, digits)),
+    "divmod": either(divmod, lambda a, b: (a // b, a % b)),
+    "isinstance": _isinstance,
     "float": _Float,
     "complex": _Complex,
 }
@@ -108,6 +143,7 @@ def _in_place() -> dict[int, tuple[Any, Any]]:
     pairs += [(getattr(cmath, a), getattr(np, b)) for a, b in _OF_MATH.items() if hasattr(cmath, a)]
     pairs += [(of.log, _log) for of in (math, cmath)] + [(cmath.phase, np.angle)]
     pairs += [(math.fsum, sum), (math.dist, _distance)]
+    pairs += [(np.isscalar, lambda a: isinstance(a, Symbol))]
     erf = functools.partial(applied, "erf")
     pairs += [(math.erf, erf), (math.erfc, lambda a: 1.0 - erf(a))]
     return {id(plain): (plain, either(plain, traced)) for plain, traced in pairs}
@@ -173,6 +209,7 @@ def _of_numpy() -> list[tuple[Any, Any]]:
 def _exchanged(fills_all: bool) -> dict[int, tuple[Any, Any]]:
     made = [getattr(np, name) for name in (*_FILLED, *_OF_NUMBERS)]
     table = {id(f): (f, _with_numbers(f, rule)) for f, rule in _of_numpy()}
+    table |= {id(np.float64): (np.float64, _Float64), id(np.vectorize): (np.vectorize, _vectorize)}
     return table | _in_place() | {id(make): (make, _filling(make, fills_all)) for make in made}
 
 

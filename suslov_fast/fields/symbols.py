@@ -433,6 +433,11 @@ class Symbols(np.ndarray[Any, Any]):
             raise Untraceable(f"components have numbers in f: write x[0] in place of x[{index!r}]")
         return super().__getitem__(index)
 
+    def astype(self, dtype: Any, *given: Any, **options: Any) -> Any:
+        if np.dtype(dtype).kind in "fc" and has_symbols(self.view(np.ndarray).ravel().tolist()):
+            return self.copy()
+        return super().astype(dtype, *given, **options)
+
     @property  # type: ignore[misc]
     def real(self) -> Any:
         return _part("real", self)

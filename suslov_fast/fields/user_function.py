@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import inspect
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
@@ -12,10 +13,10 @@ import numpy as np
 
 from ..checks import OF_SYMBOLS, either, short, signature_of, wrong
 from ..words import STEPS, answer
-from .branching import along_all_paths
+from .branching import Raised, along_all_paths
 from .complex_symbols import parts_of_number
 from .names import OF_TIME, TIME
-from .namespaces import Names
+from .namespaces import Names, is_copied
 from .symbols import MADE, TABLES, NoNumber, Symbols, Untraceable
 from .tracer import Tracer, components
 
@@ -164,9 +165,15 @@ class UserFunction:
         before = MADE.count
         try:
             value = f(*given, **options)
-        except _FAILURES as error:
-            kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-            raise kind(_text_of(error, x)) from error
+        except Exception as error:
+            failure: Exception = error
+            if isinstance(error, _FAILURES):
+                kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
+                failure = kind(_text_of(error, x))
+                failure.__cause__ = error
+            if MADE.count == before and _is_raised(error):
+                raise Raised(failure) from error
+            raise failure from failure.__cause__
         if MADE.count > before:
             raise Untraceable(
                 "f catches an error of its call with symbols, which `except` hides: leave it out"
@@ -198,7 +205,18 @@ class UserFunction:
         return array.ravel().tolist()
 
 
+_RAISE = dis.opmap["RAISE_VARARGS"]
 _STARS = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+
+
+def _is_raised(error: Exception) -> bool:
+    """Return True if a `raise` or `assert` of the user raised the error."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None or not is_copied(trace.tb_frame):
+        return False
+    return trace.tb_frame.f_code.co_code[trace.tb_lasti] == _RAISE
 
 
 def check_callable(argument: str, f: Any) -> None:

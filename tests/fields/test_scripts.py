@@ -14,6 +14,7 @@ from scipy.interpolate import BSpline, CubicSpline, interp1d, make_interp_spline
 from suslov_fast import Event, Field, Map, flow, iterate
 from suslov_fast.fields.right_hand_sides import with_events
 from suslov_fast.motions.events import actions_of
+from suslov_fast.status import IntegrationWarning
 
 
 def test_time_is_hidden():
@@ -339,3 +340,57 @@ def test_arguments_of_scipy_become_parameters():
             call()
     with pytest.raises(TypeError, match=r"Field\(lambda y, t: f\(y, t, \*args\), names\)"):
         Field(lambda y, t, K: K @ y, "x v", args=(np.eye(2),))
+
+
+BUFFER, OUT = np.zeros(2), np.zeros(2)
+
+
+def raising(y):
+    if y[0] < 0.5:
+        raise ValueError("below a half")
+    return [-y[0], y[1]]
+
+
+def asking(y):
+    assert y[0] >= 0.5
+    return [-y[0] if isinstance(y[0], float) and np.isscalar(y[0]) else 7.0, np.float64(y[1])]
+
+
+@pytest.mark.parametrize("f", [raising, asking])
+def test_a_path_that_raises_has_no_value(f):
+    field = Field(f, 2)
+    assert field([2.0, 3.0]).tolist() == [-2, 3]
+    assert np.isnan(field([0.4, 3.0])).all()
+    with pytest.warns(IntegrationWarning, match="has no value there"):
+        motion = flow(field, [1.0, 1.0], time=2.0)
+    assert motion.end == pytest.approx(math.log(2), abs=1e-6)
+
+
+def test_errors_on_all_paths_are_raised():
+    def f(y):
+        if y[0] > 0:
+            raise ValueError("no value above 0")
+        raise ValueError("no value below 0")
+
+    with pytest.raises(ValueError, match="no value above 0"):
+        Field(f, 1)
+
+
+def test_arrays_from_outside_are_filled_by_copies():
+    def f(y, out=OUT):
+        BUFFER[0] = y[1]
+        out[:] = BUFFER[0], -y.astype(float)[0]
+        return out
+
+    assert Field(f, "x v") == Field(lambda y: (y[1], -y[0]), "x v")
+    assert [*BUFFER, *OUT] == [0, 0, 0, 0]
+
+
+def test_functions_of_numbers_on_arrays():
+    square = np.vectorize(lambda a: math.sin(a) if a > 0 else 0.0)
+
+    def f(y):
+        return square(y) + np.vectorize(max)(y, 0.1) + divmod(y[0], 2)[1] * min(y, key=abs)
+
+    states = np.random.default_rng(5).normal(size=(20, 3))
+    np.testing.assert_allclose(Field(f, 3)(states), [f(y) for y in states], rtol=1e-14)

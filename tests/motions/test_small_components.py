@@ -399,3 +399,11 @@ def test_crossings_of_an_oscillation_that_decays():
     assert "again" not in repr(sf.flow(field, [1.0, 0.0], time=300.0, events=sf.Event("x - 0.01")))
     fall = sf.Field(lambda s: -s, "x")
     assert "again" not in repr(sf.flow(fall, [1.0], time=500.0, events=sf.Event("x - 0.5")))
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 4e-10, 1e-10, 3e-11, 1e-11, 1e-12])
+def test_the_oregonator_at_close_tolerances(rtol):
+    """It jumps when components have decayed to 1e-3 of their largest values. Values of CWI."""
+    right = [1.000814870318523, 1228.178521549917, 132.0554942846706]
+    motion = sf.flow(field(oregonator, "a b c"), [1.0, 2.0, 3.0], time=360.0, rtol=rtol)
+    np.testing.assert_allclose(motion.final, right, rtol=200 * rtol + 1e-13)

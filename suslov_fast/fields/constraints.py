@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..core.expressions.numpy_evaluation import results_at
 from ..core.expressions.programs import Program, in_order
 from ..core.expressions.projection import test_of_start
 from .equations import Equations
+from .right_hand_sides import by_code_if_often
 
 _SINGULAR = "a singular one{1}: leave out constraints that follow from others"
 _OFF = "off by {:.3g}{}: move states there by field.mechanics.projected(x0)"
@@ -41,21 +41,18 @@ class Constraints:
         self.program = Program(values.operations, [*residuals, *entries])
 
     @cached_property
-    def test(self) -> Program:
-        """The `Program` `test_of_start` of a state and parameters."""
-        D, k = self.D, self.count
-        f = SimpleNamespace(D=D, positions=self.parts[0].stop, constraints_count=k, steady=())
-        f.clocks = range(self.parts[1].stop, D)
-        f.invariants, f.invariants_count, f.invariants_places = self.program, k, self.places
-        f.table = range(D, D + self.parameters)
-        f.places = {p: p - D for p in f.table}
-        return test_of_start(f)
+    def _test(self) -> Any:
+        return _Test(self)
 
     def tested(self, x: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the results (3, ...) of `test_of_start` at states x (..., D)."""
+        if x.ndim == parameters.ndim == 1:
+            found = by_code_if_often(self._test, "start", x, parameters)
+            if found is not None:
+                return found
         shape = np.broadcast_shapes(x.shape[:-1], parameters.shape[1:])
         given = dict(enumerate([*np.moveaxis(x, -1, 0), *parameters]))
-        return results_at(self.test, given, shape)
+        return results_at(self._test.start, given, shape)
 
     def rows(self, moving: Any) -> list[int]:
         """Return the numbers of residuals that depend on the components `moving` (n numbers)."""
@@ -76,6 +73,21 @@ class Constraints:
         for n, (k, j) in enumerate(self.places, self.count):
             slopes[..., k, j] = rows[..., n]
         return rows[..., : self.count], slopes
+
+
+class _Test:
+    """`start`, the `Program` `test_of_start` of a state and parameters, and what its code needs."""
+
+    is_dense, steady = False, ()
+
+    def __init__(self, of: Constraints) -> None:
+        self.D, self.positions = of.D, of.parts[0].stop
+        self.clocks, self.table = range(of.parts[1].stop, of.D), range(of.D, of.D + of.parameters)
+        self.places = {p: p - of.D for p in self.table}
+        self.invariants, self.invariants_places = of.program, of.places
+        self.constraints_count = self.invariants_count = of.count
+        self.start = test_of_start(self)
+        self.work, self.key = len(self.start.operations), repr((self.D, self.start))
 
 
 _constraints_of = lru_cache(64)(Constraints)

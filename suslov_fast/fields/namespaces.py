@@ -77,7 +77,8 @@ class Names:
         self._classes: dict[Any, Any] = {}
         self._fills_all = fills_all
         self._exchanged = IN_PLACE_FILLING_ALL if fills_all else IN_PLACE
-        self._builtins = {**vars(builtins), **OF_BUILTINS, "__import__": self._imported}
+        self._builtins = {**vars(builtins), **OF_BUILTINS}
+        self._builtins |= {"__import__": self._imported, "super": self._super}
         self._makers: dict[Any, Callable[[Any], Any]] = {
             MethodType: self._method,
             ModuleType: self._view,
@@ -167,6 +168,13 @@ class Names:
 
     def _imported(self, *given: Any, **options: Any) -> Any:
         return self.of(builtins.__import__(*given, **options))
+
+    def _super(self, *given: Any) -> Any:
+        if not given:  # as Python does, from the frame of the caller
+            frame = sys._getframe(1)
+            names = frame.f_locals
+            given = names["__class__"], names[frame.f_code.co_varnames[0]]
+        return _View(super(*given), self)
 
     # ------------------------------------------------------------------------------ objects
     def _view(self, value: Any) -> Any:

@@ -176,12 +176,21 @@ def shorter(t, y):
     return [rate(y[0]), m.atan2(y[1], 1.0 + t)]
 
 
+class Slower(Pump):
+    def rates(self, t, y):
+        d = super().rates(t, y)
+        d[0] = super().rate(t, y[0])
+        return d
+
+
 class Law:
     def __call__(self, t, y):
         return [f(t, y[k]) for k, f in enumerate([PUMP.rate, lambda t, a: math.atan2(a, 1 + t)])]
 
 
-@pytest.mark.parametrize("f", [PUMP.rates, shorter, Law(), functools.partial(Law())])
+@pytest.mark.parametrize(
+    "f", [PUMP.rates, Slower(2.0).rates, shorter, Law(), functools.partial(Law())]
+)
 def test_names_lead_to_functions_that_take_symbols(f):
     """Methods, objects that can be called, partial functions, lists, names imported in f."""
     field, states = Field(f, "h z"), np.random.default_rng(1).normal(size=(20, 3))

@@ -347,7 +347,8 @@ def _gradient(f: Any, spacing: Any = 1.0, *others: Any, axis: Any = 0, edge_orde
     """Return np.gradient of a vector, from the gradients of unit vectors."""
     if others or np.ndim(f) != 1 or axis not in (None, 0, -1) or has_symbols([spacing]):
         raise Untraceable("np.gradient of symbols takes a vector, and places of numbers")
-    weights: Any = np.gradient(np.eye(len(f)), spacing, axis=0, edge_order=edge_order)
+    unit = np.eye(len(f), dtype=complex if np.iscomplexobj(spacing) else float)  # for NumPy 1
+    weights: Any = np.gradient(unit, spacing, axis=0, edge_order=edge_order)
     return np.array([row[row != 0.0] @ f[row != 0.0] for row in weights], object).view(Symbols)
 
 

@@ -141,7 +141,7 @@ def test_stiff_equations_are_not_harmed():
     )
     plain = flow(field, [1, 0, 0], time=4e5)
     kept = flow(field.conserving(lambda x: x[0] + x[1] + x[2]), [1, 0, 0], time=4e5)
-    assert kept.steps == plain.steps
+    assert abs(kept.steps - plain.steps) <= 2
     assert_allclose(kept.states, plain.states, rtol=1e-9)
 
 

@@ -39,7 +39,7 @@ class Gragg(Rule):
     """Gragg's rule. With n columns the order of its steps is 2 n."""
 
     mode, p = LaneState.EXPLICIT, 2
-    interpolates, damps = True, False
+    interpolates, damps, predicts = True, False, True
     columns_for = staticmethod(explicit_columns)
     floor, grows, sums = "floor", 0.25, ("rates", "states")
 

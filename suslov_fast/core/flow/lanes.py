@@ -74,7 +74,10 @@ def _begin(code, begins):
         line.largest.choose(begins, i, abs(line.x[i]))
         line.power_vector.choose(begins, i, 1.0)
     sums, times = step_length.sizes_of(code, line.x, f_new), Shared(text, code.of.times)
-    found = code.apply(step_length.BEGIN, first_next=times[0], second_next=times[1], **vars(sums))
+    stays = code.integrator.rule.damps  # long implicit steps damp what bends the solution
+    bend = 0.0 if stays else step_length.bend_of(code, line.x, f_new, sums)
+    inputs = vars(sums) | {"bend": bend, "first_next": times[0], "second_next": times[1]}
+    found = code.apply(step_length.BEGIN, **inputs)
     code.keep(line, found, begins)
     if code.f.hybrid.acts:
         _begin_with_events(code, begins)

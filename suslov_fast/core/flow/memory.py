@@ -61,6 +61,7 @@ def rows_of_trajectory(integrator):
         levels=f.of.invariants_count,  # values of invariants that steps keep, see `projection`
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
+        best=1,  # length with which the last step would have had the allowed error; 0: not known
         longer=1,  # largest factor from the length of a step to the length of the step after it
         next=1,  # modulus of the next requested time, infinity after the last
         second=1,  # modulus of the requested time after `next`

@@ -15,6 +15,7 @@ class Rule:
     p            ends of columns have errors in powers of (h / N)**p
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     power        the next length has the factor ratio**(-1 / power), see `step_length`
+    predicts     True if two steps predict the next length, see `step_length`
     loses        (a, n): steps lose about (g / a)**n of growth exp(g), see `growing_components`
     interpolates  True if `dense_output` finds states inside a step; else each requested time has a
                  step aside (`step_length`), whose end may have fast modes that f shows
@@ -30,7 +31,7 @@ class Rule:
     `code` in the methods is the `StepCode` of a step.
     """
 
-    has_points, sums, lanes = False, (), 1
+    predicts, has_points, sums, lanes = False, False, (), 1
 
     def __init__(self, f, columns):
         self.f, self.columns = f, columns

@@ -96,7 +96,9 @@ def _estimate_errors(code, kept, sizes):
 def _accept(code, errors, t):
     """Decide which lanes accept the step, also in `errors`, and how long the next step is."""
     line, work = code.line, code.work
-    found = code.apply(step_length.after(code.integrator.rule.power), **errors, last=code.goal())
+    rule = code.integrator.rule
+    kernel = step_length.after(rule.power, rule.predicts)
+    found = code.apply(kernel, **errors, last=code.goal())
     if code.f.of.regular:
         found["wanted"] = (errors["kept"] < 0.0).select(0.0, found["wanted"])
     errors["accepted"], served = found.pop("accepted"), found.pop("served")

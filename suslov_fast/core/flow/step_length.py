@@ -6,6 +6,11 @@ rejected step is repeated with the next length, and the step after that is not l
 layer thinner than the sub-steps, all columns may agree on a wrong end; then the step is false. A
 sum shows this (`step`).
 
+In close passages the error that a length has grows from step to step by more than SAFETY allows. So
+explicit steps predict: with `best`, this length times ratio**(-1 / power), of this and of the last
+step, the next length is also multiplied by STEADY best / best_of_last if that is less than 1. The
+first length is a part of the shorter of two times, |x| / |f| and |f| / |f' f|.
+
 If the next step would pass one requested time, a step from the same state ends there first. It is
 called a step aside: its end is tested and saved, but the trajectory stays. Each time in an implicit
 step has a step aside; a polynomial gives several times in an explicit step (`dense_output`).
@@ -24,6 +29,7 @@ from math import inf, sqrt
 from ..expressions.elementary import from_bits
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
+from .codegen import larger_of
 from .memory import LaneState
 from .scalar_kernels import TINY, scalar_kernel
 
@@ -33,6 +39,10 @@ from .scalar_kernels import TINY, scalar_kernel
 # twice.
 SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
 AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
+# Without prediction 20 % of the steps in Kepler's problem with rtol 1e-6 are refused, with it 9 %.
+# In 19 problems f is evaluated .84 to 1.05 times as often at equal errors; with STEADY = 1 up to
+# 1.07 times. The prediction makes no length less than SHRINKS times as long.
+STEADY, SHRINKS = 1.15, 0.5
 REFUSED = 0.9  # a refused step becomes shorter at least by this factor
 REACH = 0.92  # if the next step would take this part of the time that is left, it takes all of it
 SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
@@ -40,6 +50,7 @@ SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step 
 # true steps, 100 would accept more false ones. OF_APART is the factor to the next, shorter, length.
 MOST_APART, OF_APART = 50.0, 0.5
 FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
+ALONG = 2.0**-7  # part of |x| / |f|: f there, beside f at the start, shows |f' f|
 # A trajectory ends if MOST_TRIES tries, actions and records move it on by less than ADVANCE of
 # the last time.
 MOST_TRIES, ADVANCE = 250_000, 1e-3
@@ -106,10 +117,26 @@ def first_length(size, rate, part, last):
     return part * (size > 0.0).select(guess, FIRST_AT_REST * last)
 
 
+def bend_of(code, x, f, sums):
+    """Return the largest change of f along f by ALONG |x| / |f|; `sums` are `sizes_of` x and f."""
+    text, work, found = code.text, code.work, Carried(bend=0.0)
+    length = ALONG * (sums.size / sums.rate) * code.number("sign")
+    for i in text.each(code.D):
+        work.start[i] = x[i] + length * f[i]
+    code.call("f", work.start, code.table, work.f)
+    for i in text.each(code.D, found):
+        change = abs(work.f[i] - f[i]) * code.component("counts", i)
+        found.bend = larger_of(change, found.bend)
+    return found.bend
+
+
 @scalar_kernel
-def BEGIN(size, rate, total, part, last, longest, first_next, second_next, first_state):
+def BEGIN(size, rate, total, bend, part, last, longest, first_next, second_next, first_state):
     """Return rows of a new trajectory: its first length, and NO_VALUE if x or f is not finite."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
+    of_bend = part * (ALONG * (size / bend))
+    is_bent = (bend > 0.0) & (bend < inf) & (size > 0.0)
+    wanted = is_bent.select(smaller(of_bend, wanted), wanted)
     has_value = total < inf
     return {
         "wanted": smaller(smaller(wanted, last), longest),
@@ -171,7 +198,7 @@ def _is_false(ratio, apart):
 
 def _after(
     t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
-    of_length, reach, last, longest, *, power,
+    of_length, reach, last, longest, best, *, power, predicts,
 ):  # fmt: skip
     """Decide whether a step is accepted, and whether a step aside is; return the rows after it."""
     is_finite = total < inf
@@ -181,7 +208,12 @@ def _after(
     # Operations that do not need the factor come first, because the others wait for the factor.
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
-    factor = sees.select(larger(smaller(SAFETY * _factor(of_length, power), most), SHORTER), OF_NAN)
+    factor = _factor(of_length, power)
+    best_now, factor = smaller(factor, LONGER) * taken, SAFETY * factor
+    if predicts:
+        shrinks = larger(smaller(STEADY * (best_now / best), 1.0), SHRINKS)
+        factor = factor * (accepted & (longer < AT_FIRST)).select(shrinks, 1.0)
+    factor = sees.select(larger(smaller(factor, most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = is_active & ~served
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
@@ -194,6 +226,7 @@ def _after(
         "t": after,
         "wanted": changes.select(smaller(factor * taken, longest), wanted),
         "longer": changes.select(after_this, longer),
+        "best": moved.select(best_now if predicts else 0.0, best),
         "state": (is_active & (after >= last)).select(float(LaneState.DONE), state),
         "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),
@@ -201,9 +234,9 @@ def _after(
 
 
 @functools.cache
-def after(power):
-    """Return the scalar kernel `_after` of steps with this `Rule.power`."""
-    return scalar_kernel(functools.partial(_after, power=power))
+def after(power, predicts):
+    """Return the scalar kernel `_after` of steps with this `Rule.power` and `Rule.predicts`."""
+    return scalar_kernel(functools.partial(_after, power=power, predicts=predicts))
 
 
 def _ends(t, taken, wanted, state, shortest):

@@ -32,6 +32,7 @@ from .maps.map_records import eps_of, map_of
 from .motions import motion_arguments
 from .motions.event import Event
 from .motions.events import actions_of, batch_of, checked_events, clocked, event_times_of
+from .motions.extension import atol_of_columns, with_atol
 
 __all__ = ["end", "step", "step_system", "system", "with_parameters", "with_time", "work"]
 
@@ -145,8 +146,7 @@ def _motion(field: Any, time: float, given: Any, events: Any, derivatives: Any) 
     f, inputs = of_one(field, by if names else None, actions_of(field, acting))
     if names:
         f = variational(f, field._layout.D * ("x0" in names) + len(by))
-        if isinstance(settings.atol, tuple):
-            settings = settings._replace(atol=settings.atol * (1 + f.columns))
+        settings = with_atol(settings, atol_of_columns(settings, f.columns))
     event_times = event_times_of(acting, sign, ()) if acting else None
     parameters = inputs if f.is_dense else inputs[: len(field._inputs)]
     places = [field._coordinates.index(name) for name in by]

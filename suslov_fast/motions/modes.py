@@ -26,7 +26,8 @@ from ..status import Status
 from .actions_on_constraints import action_of
 from .event import traced
 from .events import actions_of
-from .integration import SolverResult, to_tolerance
+from .extension import Extension, extended, with_atol
+from .integration import SolverResult
 from .phases import rows_of
 from .sensitivities import with_derivatives
 
@@ -78,7 +79,7 @@ class Sliding:
             parts = {n: np.broadcast_to(a, batch).ravel()[where] for n, a in field._arrays.items()}
         self.field = Field._of({**parts, LAYOUT: Layout(equations.names), EQUATIONS: equations})
         self.D = x.shape[1]
-        self.starts = np.concatenate([x[where], np.ones((len(where), size))], axis=1)
+        self.starts, self.atol = extended(x[where], np.ones((len(where), size))), (0.0,) * size
         if self.modes.has_clock:
             last = abs(request.times).max(initial=0.0)
             self.starts[:, -2:] = last / (1.0 + last), 0.0
@@ -89,10 +90,7 @@ class Sliding:
             np.concatenate([np.zeros((rows, 1)), times.times], axis=1),
             np.concatenate([np.full((rows, 1), float(self.surfaces + self.count)), which], axis=1),
         )
-        settings = request.settings
-        if isinstance(settings.atol, tuple):
-            settings = settings._replace(atol=settings.atol + (0.0,) * size)
-        self.request = request._replace(event_times=times, settings=settings, report=None)
+        self.request = request._replace(event_times=times, report=None)
 
     def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
         """Return the result with trajectories `where` computed again, and attributes of `Motion`.
@@ -114,14 +112,18 @@ class Sliding:
         K, field = (len(where),), self.field
         kept = None
         if names:
-            part = with_derivatives(field, self.starts, K, names, self.request, self.actions)
+            settings = with_atol(self.request.settings, self.atol)
+            request = self.request._replace(settings=settings)
+            part = with_derivatives(field, self.starts, K, names, request, self.actions)
             size = self.system._layout.size
             others = slice(size, self.starts.shape[1]) if "x0" in names else ()  # time, modes
             kept = np.delete(np.arange(part.derivatives.shape[-1]), others)
-            part = part._replace(derivatives=part.derivatives[..., :D, kept])
+            states, derivatives = part.states[..., :D], part.derivatives[..., :D, kept]
+            part = part._replace(states=states, derivatives=derivatives)
         else:
             groups = with_events(field, self.actions)
-            part = to_tolerance(groups, field.shape, self.starts, K, self.request)
+            extension = Extension(groups, field.shape, self.starts, D, self.atol)
+            part, _ = extension.run(K, self.request)
         of_part, ends = part.records.in_order(), part.all_ends
         status = ends.status
         # An infinite mode marks a failure, as if no values of modes are consistent: status SLIDING.
@@ -129,7 +131,7 @@ class Sliding:
         status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
         if not self.surfaces:
             status[status == Status.ACCUMULATES] = Status.SLIDING
-        part = part._replace(states=part.states[..., :D], ends=ends)
+        part = part._replace(ends=ends)
         rows = rows_of(of_part, D, self.count, len(self.contacts))
         part = self.stopped(part._replace(records=self.records(of_part, kept)))
         numbers = rows[:, 0].astype(np.int64)

@@ -18,7 +18,8 @@ from ..core.flow.batch_solver import SolverRequest
 from ..core.flow.held import HALF
 from ..core.hybrid.event_formulas import EventAction
 from ..fields.right_hand_sides import OfMembers, with_events
-from .integration import Records, SolverResult, to_tolerance
+from .extension import Extension, atol_of_columns, extended
+from .integration import Records, SolverResult
 
 
 def with_derivatives(
@@ -35,30 +36,26 @@ def with_derivatives(
     C = by_starts + len(parameters)
     values = [np.broadcast_to(field._arrays[name], field.shape) for name in parameters]
     sizes = [_power_of_2(value) for value in values]
-    scales, starts = np.empty((B, C)), np.zeros((B, D * (1 + C)))
-    starts[:, :D] = x
+    scales, columns = np.empty((B, C)), np.zeros((B, C, D))
     if by_starts:
         of_starts = _power_of_2(abs(x).max(axis=1))[:, np.newaxis]
         scales[:, :by_starts] = of_starts
-        columns = of_starts[..., np.newaxis] * np.eye(by_starts, D)
-        starts[:, D : D * (1 + by_starts)] = columns.reshape(B, by_starts * D)
+        columns[:, :by_starts] = of_starts[..., np.newaxis] * np.eye(by_starts, D)
     for k, size in enumerate(sizes, by_starts):
         scales[:, k] = flat_arrays(size[..., np.newaxis], batch)[:, 0]
     groups = []
     for members, f, table in with_events(field, actions, parameters):
         of_members = [np.ravel(size)[members] for size in sizes]
-        extended = np.column_stack([table, *of_members])
-        groups.append(OfMembers(members, variational(f, C), extended))
-    settings = request.settings
-    if isinstance(settings.atol, tuple):
-        request = request._replace(settings=settings._replace(atol=settings.atol * (1 + C)))
-    result = to_tolerance(groups, field.shape, starts, batch, request)
+        given = np.column_stack([table, *of_members])
+        groups.append(OfMembers(members, variational(f, C), given))
+    atol = atol_of_columns(request.settings, C)
+    extension = Extension(groups, field.shape, extended(x, columns), D, atol)
+    result, columns = extension.run(batch, request)
     if actions:
         records = result.records.in_order()
         result = result._replace(records=_of_records(records, scales[records.trajectory]))
-    states = np.ascontiguousarray(result.states[..., :D])
-    columns = result.states[..., D:].reshape(len(states), B, C, D).swapaxes(2, 3)
-    return result._replace(states=states, derivatives=columns / scales[:, np.newaxis])
+    columns = columns.reshape(len(columns), B, C, D).swapaxes(2, 3)
+    return result._replace(derivatives=columns / scales[:, np.newaxis])
 
 
 def _power_of_2(values: FloatArray) -> FloatArray:

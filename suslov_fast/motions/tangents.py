@@ -38,6 +38,7 @@ from ..fields.constraints import constraints_of
 from ..fields.right_hand_sides import with_events
 from ..maps.orthonormal import dual_product, orthonormal
 from ..status import Status
+from .extension import extended
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 from .tangent_spaces import TangentSpaces
 
@@ -263,11 +264,9 @@ class _Run:
         """
         D, n, K = self.f.D, self.n, len(which)
         sizes = np.exp2(np.round(np.log2(abs(self.x[which]).max(axis=1) + 2.0**-500)))
-        start = np.zeros((K, self.tangent.D))
-        start[:, :D] = self.x[which]
-        columns = start[:, D:-2].reshape(K, n, D)
+        columns, u_and_s = np.zeros((K, n, D)), np.stack([sizes, np.zeros(K)], axis=1)
         columns[:, :, self.moving] = self.Q[which].transpose(0, 2, 1) * sizes[:, None, None]
-        start[:, -2] = sizes
+        start = extended(self.x[which], columns, u_and_s)
         event_times = self._event_times_of(which)
         engine = self._solved(which, length, self.tangent, self._table(which), start, event_times)
         (end,), ended = engine.states, engine.state != LaneState.DONE
@@ -315,8 +314,7 @@ class _Run:
         frame = with_frame(self.f, tuple(self.moving.tolist()))
         table = self._table(which)
         table, x, starts = batch_solver.counted_from_start(self.f, table, self.x[which])
-        start = np.zeros((K, frame.D))
-        start[:, :D], start[:, D:-n] = x, self.Q[which].reshape(K, n * n) + SHIFT
+        start = extended(x, self.Q[which] + SHIFT, np.zeros((K, n)))
         table = np.ascontiguousarray(frame.table_of(table.T).T)
         engine = self._solved(which, length, frame, table, start)
         (end,), ended = engine.states, engine.state != LaneState.DONE

@@ -1,4 +1,4 @@
-"""Steps have the stored bits on several types of CPU.
+"""Steps and motions have the stored bits on several types of CPU.
 
     PYTHONPATH=tests python tests/slow/test_hashes.py            print the hashes
     PYTHONPATH=tests python tests/slow/test_hashes.py --write    store them in hashes.json
@@ -66,6 +66,47 @@ def all_hashes(steps=60, left_out=()):
     return found
 
 
+def motions():
+    """Return motions of each kind by name: calls whose results have the same bits everywhere."""
+    lorenz = sf.Field(
+        lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 * x[2] / 3), 3
+    )
+    pol = sf.Field(lambda x, m: (x[1], m * (1 - x[0] ** 2) * x[1] - x[0]), 2, m=[1.0, 10.0, 1000.0])
+    block = sf.Field(lambda x: (x[1], 1.5 * np.sin(x[2]) - x[0] - np.sign(x[1]), 1.0), 3)
+    forced = sf.Field(lambda t, y, k: (y[1], -k * y[0] + np.cos(2 * t)), 2, k=[1.0, 2.0])
+    spiral = sf.Field(
+        lambda z, k: ((1j * k - 0.1 * abs(z[0]) ** 2) * z[0],), "z", complex=True, k=1
+    )
+    well = sf.Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+    pendulum = sf.Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1], "x y", constraints=lambda q, v: q @ q - 1
+    )
+    ball = sf.Field(lambda x: (x[1], -9.81), "y v")
+    bounce = sf.Event("y", to=("y", "-0.8*v"), direction="down")
+    T = np.linspace(0, 20, 9)
+    yield "plain", sf.flow(lorenz, [[1, 1, 20], [-2, 1, 20]], time=T, rtol=1e-7)
+    yield "stiff, a family", sf.flow(pol, [2, 0], time=T, atol=[1e-9, 1e-7])
+    yield "derivatives", sf.flow(pol[:2], [2, 0], time=T, derivatives="x0 m", atol=[1e-9, 1e-7])
+    yield "sliding, derivatives", sf.flow(block, [1, 0.5, 0], time=T, derivatives="x0")
+    yield "rest", sf.flow(ball, [1, 0], time=T, events=bounce)
+    yield "time, a family", sf.flow(forced, [1, 0], time=T, t0=[[0.0], [1.0]], derivatives="k")
+    yield "complex", sf.flow(spiral, [1 + 1j], time=T, derivatives="x0")
+    yield "an integral", sf.flow(well.conserving(), [2, 0], time=T)
+    yield "constraints", sf.flow(pendulum, [0.6, -0.8, 0, 0], time=T)
+
+
+def motion_hashes():
+    """Return hashes of motions, of their derivatives and events, and of exponents."""
+    found = {}
+    for name, run in motions():
+        derivatives = [*run.derivatives.values()]
+        events = [] if run.events is None else [run.events.time, run.events.states]
+        found[f"motion, {name}"] = digest([run.states, run.steps, *derivatives, *events])
+    damped = sf.Field(lambda x: (x[1], -x[0] - 0.1 * x[1], -50 * x[2]), 3)
+    found["exponents"] = digest([sf.lyapunov_exponents(damped, [1, 0, 1], time=40.0)])
+    return found
+
+
 def hashes(*arguments, **environment):
     """Return the hashes, and the names of what was compiled, of another process."""
     tests = HERE.parents[1]
@@ -83,7 +124,7 @@ def differing(found, left_out=()):
 
 @pytest.mark.filterwarnings("ignore")  # as in other processes
 def test_on_this_machine():
-    assert differing(all_hashes()) == []
+    assert differing(all_hashes() | motion_hashes()) == []
 
 
 # They repeat the steps of order 4.
@@ -96,7 +137,7 @@ def test_a_cpu_without_extensions(tmp_path):
     """It has neither wide registers nor fused operations; fields are compiled as users do."""
     settings = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "SUSLOV_FAST_OPT": "2"}
     found, compiled = hashes(60, *REPEATED, **settings, NUMBA_CACHE_DIR=str(tmp_path))
-    assert differing(found, REPEATED) == []
+    assert differing(found, (*REPEATED, "motion", "exponents")) == []
     assert any("steps" in name for name in compiled)
     # Texts of errors, which take seconds.
     assert [name for name in compiled if "shape_context" in name or "unicode" in name] == []
@@ -105,7 +146,8 @@ def test_a_cpu_without_extensions(tmp_path):
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     if "--write" in sys.argv:
-        KEPT.write_text(json.dumps(all_hashes(), indent=1) + "\n", encoding="utf-8")
+        found = all_hashes() | motion_hashes()
+        KEPT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     else:
         steps, *left_out = sys.argv[1:] or [60]
         with event.install_recorder("numba:run_pass") as passes:

@@ -74,20 +74,30 @@ def _conserving(field: Any, functions: Sequence[Any]) -> Equations:
 class Changes:
     """The changes dI/dt of those integrals of equations that are not proved to be constant.
 
+    The energy of a system with constraints changes by the power of reactions, lambda . phi, which
+    is 0 on the constraints.
+
     which   the numbers of these integrals
     """
 
     def __init__(self, equations: Equations) -> None:
-        D, integrals = len(equations.names), equations.quantities.get("conserved", [])
+        D, quantities = len(equations.names), equations.quantities
+        multipliers = quantities.get("multipliers", [])
+        phi = quantities.get("residuals", [])[: len(multipliers)]
         H = [equations.H] if equations.H is not None else []
-        values, operands = in_order(equations.values, [*equations.results, *integrals, *H])
-        rates, integrals = operands[:D], operands[D : D + len(integrals)]
+        integrals, energy = (quantities.get(name, []) for name in ("conserved", "energy"))
+        parts = [equations.results, integrals, H, energy, multipliers, phi]
+        values, operands = in_order(equations.values, [a for part in parts for a in part])
+        rest = iter(operands)
+        rates, integrals, H, energy, multipliers, phi = ([next(rest) for _ in of] for of in parts)
         emit, self.which = values.emit, []
+        power = dot(emit, zip(multipliers, phi, strict=True)) or 0.0
         changes, terms = [], []
         for k, row in enumerate(gradients(values, [*values.operations], integrals, D)):
             change = dot(emit, [(a, rates[j]) for j, a in row.items()]) or 0.0
-            is_energy = integrals[k] in operands[D + len(integrals) :]  # K is antisymmetric
-            if is_energy or is_zero(values.operations, change, equations.ratios):
+            is_energy = integrals[k] in H  # K is antisymmetric
+            other = emit("fsub", change, power) if integrals[k] in energy else change
+            if is_energy or is_zero(values.operations, other, equations.ratios):
                 continue
             self.which.append(k)
             changes.append(change)

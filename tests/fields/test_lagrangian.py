@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.special import ellipk
 
 from suslov_fast import Field, IntegrationWarning, Suslov3D, flow
+from suslov_fast.fields.invariants import changes_of
 from suslov_fast.fields.lagrangian import velocity
 
 cos, sin = np.cos, np.sin
@@ -548,3 +549,21 @@ def test_files_and_families():
     assert_allclose(ends, [-np.pi / 2, -np.pi], atol=1e-9)
     by_k = flow(field, [0, 0, 0, 0, 0, 1], time=np.pi, derivatives="k").derivatives["k"]
     assert_allclose(np.ravel(by_k)[1], -np.pi / 2, atol=1e-8)
+
+
+def test_energies_are_proved_by_the_power_of_reactions():
+    """dE/dt = lambda . phi as formulas; a drag leaves c v . v, so the energy is tested."""
+    assert changes_of(pendulum().conserving()) is None
+    damped = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1],
+        "x y",
+        constraints=lambda q, v: q @ q - 1,
+        forces=lambda q, v, c: -c * v,
+        c=0.0,
+    )
+    kept = damped.conserving()
+    assert changes_of(kept) is not None
+    with pytest.raises(ValueError, match="changes along the motion"):
+        kept.with_parameters(c=1e-6)
+    with pytest.raises(ValueError, match="changes along the motion"):
+        damped.with_parameters(c=1e-3).conserving()

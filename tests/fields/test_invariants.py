@@ -139,7 +139,7 @@ def test_subsystems_keep_what_belongs_to_them():
     field = Field.from_hamiltonian(lambda x: (x[:2] @ x[:2] + x[2:] @ x[2:]) / 2, "a b c d")
     field = field.conserving(lambda x: x[0] ** 2 + x[2] ** 2, lambda x: x[1] ** 2 + x[3] ** 2)
     part = field.subsystem("a c")
-    states = flow(part, [1.0, 0.0], time=[1e2, 1e4], rtol=1e-3).states
+    states = flow(part, [1.0, 0.0], time=[1e2, 1e4], rtol=1e-6).states
     np.testing.assert_allclose((states**2).sum(axis=1), 1.0, rtol=1e-14)
     with pytest.raises(TypeError, match="no Hamiltonian"):
         part.energy([1.0, 0.0])  # it depends on b and d

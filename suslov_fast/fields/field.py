@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -17,7 +16,7 @@ from ..keywords import public, public_class
 from . import coefficients, invariants, lagrangian, right_hand_sides
 from .base import Body, frozen
 from .equations import Equations, check_equalities, of_hamiltonian
-from .exact_numbers import from_text, named_parameters, to_lists
+from .exact_numbers import named_parameters, to_lists
 from .layout import layout_of, layout_read, split_values
 from .mass import check_both, rates
 from .mechanics import Mechanics
@@ -37,9 +36,8 @@ from .traced import (
     settled,
 )
 from .tracer import Tracer
+from .typed_equations import equations_of_text
 from .user_function import UserFunction, check_callable
-
-_LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 
 
 @public_class
@@ -328,26 +326,7 @@ class Field(Traced):
         >>> Field.from_equations("x' = v; v' = -w**2*sin(x) - v/8", w=2.0)
         Field(x' = v, v' = -w**2*sin(x) - v/8, w = 2.0)
         """
-        equations: dict[str, str] = {}
-        for part in filter(str.strip, re.split("[;\n]", text)):
-            left, sign, value = (each.strip() for each in part.partition("="))
-            left = re.sub(r"^d(\w+)/dt$", r"\1'", left)
-            name = left.removesuffix("'").rstrip()
-            if not (sign and name and value) or "'" in name or re.search("(^|[^<>=!])=[^=]", value):
-                how = f"write equations of order 1, with a ; between two: {_LIKE}"
-                raise ValueError(f"equations: {part.strip()!r} cannot be read: {how}")
-            if name in equations or name in parameters:
-                raise ValueError(f"equations: {name} has two lines or values: write one")
-            if left.endswith("'"):
-                equations[name] = value
-                continue
-            try:
-                parameters[name] = from_text(value) if "/" in value else float(value)
-            except ValueError:
-                how = f"a parameter is a number; if it is an equation write {name}' = {value}"
-                raise ValueError(f"equations: {part.strip()}: {how}") from None
-        if not equations:
-            raise wrong("equations", f"like {_LIKE}", repr(text))
+        equations, parameters = equations_of_text(text, parameters)
         return cls._read([*equations], [*equations.values()], parameters=parameters)
 
     @classmethod

@@ -423,26 +423,53 @@ def test_a_motion_winds_into_a_corner_and_leaves_it(rtol):
     np.testing.assert_allclose(motion.states[:, :2], right, atol=1e-10)
 
 
+def relays(given, of):
+    """x' = b + C sign(G x - d) for arrays `of` by name; those named in `given` are parameters."""
+    parameters = {f"{n}{k}": a for n in given.split() for k, a in enumerate(np.ravel(of[n]))}
+
+    def f(x, **p):
+        b, C, G, d = (
+            np.array([p.get(f"{n}{k}", a) for k, a in enumerate(np.ravel(of[n]))]).reshape(
+                np.shape(of[n])
+            )
+            for n in "bCGd"
+        )
+        s = [
+            np.sign(sum(a * y for a, y in zip(row, x, strict=True)) - c)
+            for row, c in zip(G, d, strict=True)
+        ]
+        return tuple(
+            a + sum(c * y for c, y in zip(row, s, strict=True)) for a, row in zip(b, C, strict=True)
+        )
+
+    return Field(f, "x y", **parameters)
+
+
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 @pytest.mark.parametrize("by", ["d", "G d", "b C G d"])
 def test_two_surfaces_that_parameters_make_one(by, turn):
     """Rows 0 and 2 of s = G x - d are one plane, y = d0, from t = d0 on; there x' = -1, y' = 0."""
-    names = {"b": (2,), "C": (2, 3), "G": (3, 2), "d": (3,)}
     C = np.array([[2.0, -1.0, -2.0 * turn], [-1.0, 0.0, 0.0]])
     G = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, turn]])
     for level in (1.0, 0.3):
-        d = np.array([level, -1.0, level * turn])
-        of = {"b": np.zeros(2), "C": C, "G": G, "d": d}
-        given = {f"{n}{k}": a for n in by.split() for k, a in enumerate(of[n].ravel())}
-
-        def f(x, of=of, **p):
-            b, C, G, d = (
-                np.array([p.get(f"{n}{k}", a) for k, a in enumerate(of[n].ravel())]).reshape(shape)
-                for n, shape in names.items()
-            )
-            s = [np.sign(G[k, 0] * x[0] + G[k, 1] * x[1] - d[k]) for k in range(3)]
-            return tuple(b[i] + sum(C[i, k] * s[k] for k in range(3)) for i in range(2))
-
-        motion = flow(Field(f, "x y", **given), [-1.0, 0.0], time=[0.1, 2.0, 5.0])
+        d = [level, -1.0, level * turn]
+        field = relays(by, {"b": [0.0, 0.0], "C": C, "G": G, "d": d})
+        motion = flow(field, [-1.0, 0.0], time=[0.1, 2.0, 5.0])
         assert motion.ok
         np.testing.assert_allclose(motion.states, [[-1.1, 0.1], [-3, level], [-6, level]])
+
+
+def test_a_surface_that_parameters_make_0_everywhere():
+    """np.sign(0) is 0 there: the motion slides along s1 = 0 at an equilibrium."""
+    C, G = [[-1.0, 0.0, -1.0], [0.0, 2.0, 1.0]], [[0.0, 0.0], [1.0, -1.0], [-1.0, -1.0]]
+    field = relays("b C G d", {"b": [1.0, 0.0], "C": C, "G": G, "d": [0.0, -2.0, 0.0]})
+    motion = flow(field, [-2.0, 0.0], time=5.0)
+    assert motion.ok
+    np.testing.assert_allclose(motion.final, [-2.0, 0.0], atol=1e-9)
+    field = relays("b C G d", {
+        "b": [0.5, -1.0], "C": [[-1.0, 1.0], [-1.0, -2.0]], "G": [[0.0, 0.0], [0.0, 1.0]],
+        "d": [0.0, 2.0],
+    })  # fmt: skip
+    motion = flow(field, [0.0, 0.0], time=5.0)  # y rises at the rate 1 to 2, then x' = 0
+    assert motion.ok
+    np.testing.assert_allclose(motion.final, [-1.0, 2.0], atol=1e-9)

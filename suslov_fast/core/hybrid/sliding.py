@@ -43,6 +43,7 @@ class _Rates:
     pairs        the two compared operands of each surface
     twins        {number of a surface: [(number of an earlier one, its sign, truth value that the
                  parameters make both the same plane)]}
+    flats        {number of a surface: truth value that s has the same value in all states}
     comparisons  the operations that compare them; both are results of `_comparisons_in`
     values       the `ExtendedState` of f, its modes and its parameters
     surfaces     the operand of s for each surface
@@ -61,12 +62,13 @@ class _Rates:
         self.values = values = ExtendedState(D, self.size, P)
         modes = [values.number(D + g) for g in range(count)]
         self.above = [(mode > 0.5).number for mode in modes]
-        self.twins = self._twins()
+        self.twins, self.flats = {}, {}
+        self._find_planes()
         new = self._evaluated({})
         self.surfaces = [values.difference(*renamed(pair, new)) for pair in pairs.values()]
-        for g, twins in self.twins.items():  # it has the mode of its twin, and is never reached
-            for _, _, truth in twins:
-                self.surfaces[g] = folded(values.emit, "select", (truth, 1.0, self.surfaces[g]))
+        truths = [(g, truth) for g, twins in self.twins.items() for *_, truth in twins]
+        for g, truth in [*truths, *self.flats.items()]:  # such a surface is never reached
+            self.surfaces[g] = folded(values.emit, "select", (truth, 1.0, self.surfaces[g]))
         self.slopes = values.slopes(self.surfaces)
         self.slides = [mode * mode < 0.5 for mode in modes]
         self.touching = {}
@@ -79,25 +81,32 @@ class _Rates:
         }
         self.constraints = self._constraints({})
 
-    def _twins(self):
-        """Return `twins`; surfaces that are no planes have none."""
-        values, emit, found = self.values, self.values.emit, {}
+    def _find_planes(self):
+        """Find `twins` and `flats` among surfaces that are planes."""
+        values, emit = self.values, self.values.emit
         program = program_of(self.f.operations, [a for pair in self.pairs.values() for a in pair])
         operands = emitted(values, program, dict(values.inputs))
         surfaces = [*map(values.difference, operands[::2], operands[1::2])]
         at_0 = values.at([0.0] * (self.D + self.size), surfaces)[0]
         slopes = values.slopes(surfaces)
         is_plane = [all(map(values.is_fixed, row.values())) for row in slopes]
+
+        def are_equal(pairs, sign=1.0):
+            truth = True
+            for a, b in pairs:
+                is_same = folded(emit, "oeq", (a, emit("fmul", sign, b)))
+                truth = folded(emit, "and", (truth, is_same))
+            return truth
+
+        for g in compress(range(self.count), is_plane):
+            if (truth := are_equal((a, 0.0) for a in slopes[g].values())) is not False:
+                self.flats[g] = truth
         for g, h in combinations(compress(range(self.count), is_plane), 2):
             pairs = [(slopes[g].get(i, 0.0), slopes[h].get(i, 0.0)) for i in range(self.D)]
+            pairs.append((at_0[g].number, at_0[h].number))
             for sign in (1.0, -1.0):
-                truth = True
-                for a, b in [*pairs, (at_0[g].number, at_0[h].number)]:
-                    is_same = folded(emit, "oeq", (a, emit("fmul", sign, b)))
-                    truth = folded(emit, "and", (truth, is_same))
-                if truth is not False:
-                    found.setdefault(h, []).append((g, sign, truth))
-        return found
+                if (truth := are_equal(pairs, sign)) is not False:
+                    self.twins.setdefault(h, []).append((g, sign, truth))
 
     def _is_above(self, g, sides):
         """Return the truth value that f is f above surface g; a twin has the side of its twin."""
@@ -176,6 +185,11 @@ class _Rates:
                 new[number] = False
             else:
                 new[number] = is_above if sign > 0 else folded(emit, "xor", (True, is_above))
+            if g in self.flats and name in _COMPARISONS:  # if s is not flat, this is constant
+                flat, of = self.flats[g], zip(of, (1.0, 0.0), strict=True)
+                own = folded(emit, name, [folded(emit, "select", (flat, *each)) for each in of])
+                differs = folded(emit, "and", (flat, folded(emit, "xor", (own, new[number]))))
+                new[number] = folded(emit, "xor", (new[number], differs))
         return new
 
 

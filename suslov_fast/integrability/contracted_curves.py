@@ -48,6 +48,9 @@ class Passage(NamedTuple):
     curve_orders: tuple[tuple[int, ...], ...]  # orders in t of curves' equations at image k
     steps: int | None  # the first k for which image k of the curve is a curve; None if none is
     endless: bool = False  # True if the last point without an image was not reached
+    # If orders repeat with a period T, their generating functions are quotients: the denominator is
+    # 1 - z^T, and the orders above are the coefficients of the numerators.
+    period: int = 0
 
 
 class Plane:
@@ -154,6 +157,15 @@ class PlaneModulo:
         divided = [flint.nmod_poly(P.coeffs()[common_order:terms], self.p) for P in image]
         return Step(divided, common_order, curve_orders)
 
+    def orders(self, component: Any, steps: int) -> list[tuple[int, ...]]:
+        """Return (common order, *curve orders) of up to `steps` images of a germ at a curve."""
+        germ, terms, found = self.germ(component), _TERMS[-1], list[tuple[int, ...]]()
+        while len(found) <= steps and germ and (step := self.step(germ, terms)):
+            found.append((step.common_order, *step.curve_orders))
+            germ = step.germ
+            terms -= step.common_order
+        return found[1:]
+
     def passage(self, component: Any, most: int) -> Passage | None:
         """Return the `Passage` of two germs from the curve `component`; None if orders differ."""
         for terms in _TERMS:
@@ -227,6 +239,37 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
                 of_primes[number].append(passage)
         if len(agreed) == len(numbers):
             return [agreed[number] for number in numbers]
+    return None
+
+
+_PERIODIC = 36  # steps in which orders of endless orbits must repeat,
+_TRANSIENT, _PERIOD = 8, 12  # after a transient, with a period up to these numbers
+
+
+def periodic_passage(plane: Plane, number: int) -> Passage | None:
+    """Return the `Passage` of an endless orbit whose orders repeat modulo two primes; else None."""
+    rng, found = plane.map.generator(number), list[list[Any]]()
+    for _ in range(_PRIMES):
+        p = arithmetic.random_prime(rng, _BITS)
+        residues = PlaneModulo(plane, p, arithmetic.random_values(rng, p), rng.getrandbits(30))
+        if (component := residues.component(number)) is not None:
+            found.append(orders := residues.orders(component, _PERIODIC))
+            if len(orders) == _PERIODIC and found.count(orders) > 1:
+                break
+    else:
+        return None
+    for start in range(_TRANSIENT):
+        for period in range(1, _PERIOD + 1):
+            if orders[start:-period] == orders[start + period :]:
+                numerators = [
+                    [
+                        order - before
+                        for order, before in zip(sequence, [0] * period + [*sequence], strict=False)
+                    ][: start + period]
+                    for sequence in zip(*orders, strict=True)
+                ]
+                common, *curves = map(tuple, numerators)
+                return Passage(common, (*zip(*curves, strict=True),), None, period=period)
     return None
 
 

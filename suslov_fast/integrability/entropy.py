@@ -26,6 +26,7 @@ from .contracted_curves import (
     PlaneModulo,
     is_proved,
     passages_across,
+    periodic_passage,
     points_of_orbit,
 )
 from .degrees_of_iterates import agreed_degrees, growth, moduli_outside, shortest_recurrence
@@ -125,7 +126,8 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     follows from the lengths of these orbits (Diller and Favre 2001). Orbits are followed for 80
     steps. An entropy that is not proved is compared with the degrees of iterates on random lines,
     and not given if they contradict it. If an orbit comes to points without an image again and
-    again, the entropy is that of a recurrence of these degrees, and is not proved.
+    again, the entropy follows from orders that repeat, or from a recurrence of these degrees, and
+    is not proved.
 
     Parameters
     ----------
@@ -163,8 +165,11 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
-    if any(passage.endless for passage in passages):
-        return _by_degrees(map, contractions)
+    for k, passage in enumerate(passages):
+        if passage.endless:
+            if (periodic := periodic_passage(plane, k)) is None:
+                return _by_degrees(map, contractions)
+            passages[k] = periodic
     numerators, Q = series_of_degrees(plane, passages)
     P = numerators[0]
     # The characteristic polynomial has a root 0 for each term that precedes the recurrence.
@@ -298,14 +303,15 @@ def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[list[Any],
     """Return polynomials [P, ...] and Q in z: P / Q is the generating function of d_n, then s_n."""
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
-    # The unknowns are the generating functions of d, and of s for each curve in `used`.
+    # The unknowns are the generating functions of d, and of s for each curve in `used`, divided by
+    # 1 - z^T if orders have the period T.
     columns = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]]
     for k in used:
         of_curves = [*zip(*passages[k].curve_orders, strict=True)]
         orders = (passages[k].common_orders, *(of_curves[i] for i in used))
         column = [z * flint.fmpz_poly([*each]) for each in orders]
         column[0] *= z
-        column[1 + used.index(k)] += one
+        column[1 + used.index(k)] += one - z ** passages[k].period * (passages[k].period > 0)
         columns.append(column)
     rows = [*zip(*columns, strict=True)]
     # The right sides are 1 in the first equation, and 0 in the others.
@@ -324,6 +330,8 @@ def degree_of_pencil(plane: Plane, passages: list[Passage], numerators: Any, Q: 
     their generating functions at z = 1.
     """
     one = flint.fmpz_poly([1, -1])
+    if any(passage.period for passage in passages):
+        return None
     powers = [arithmetic.divided_out(P, one)[1] for P in numerators if P != 0]
     common = one ** min(powers)
     if (Q // common) % one**3 != 0:

@@ -30,7 +30,8 @@ Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coeff
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
-_DEGREES = 256  # the largest sum of the degrees of numerator and denominator
+_DEGREES = 64  # the largest sum of the degrees of numerator and denominator in several letters
+_OF_ONE = 256  # the same in one letter
 _LINES = 1024  # the most lines s + z t in interpolation; T terms of a degree need 2 T + 1
 SEARCHES = 4096  # the most calls of a `Search` modulo one prime
 _PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
@@ -167,7 +168,8 @@ def _interpolated(
     size, t, numbers = 4, point(), range(1, 2**60)
     if count == 1:  # then s + z t is z, the letter itself
         s, t = [0], [1]
-    z = rng.sample(numbers, 2 * _DEGREES)
+    most = 2 * (_OF_ONE if count == 1 else _DEGREES)
+    z = rng.sample(numbers, most)
     known: list[list[int]] = [[] for _ in varying]  # values at the first numbers of z
     while True:
         for values, more in zip(known, along(t, z[len(known[0]) : size]), strict=True):
@@ -176,7 +178,7 @@ def _interpolated(
         quotients = [line.quotient(values) for values in known]
         if all(quotients):
             break
-        if (size := 2 * size) > 2 * _DEGREES:
+        if (size := 2 * size) > most:
             raise Unknown("degrees are too high")
     if count == 1:
         for i, pair in zip(varying, quotients, strict=True):

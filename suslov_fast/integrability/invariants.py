@@ -67,6 +67,8 @@ class Invariants:
         self.spaces: list[list[RationalFunction]] = []
         self.densities: list[RationalFunction] = []  # 1 / det A of Kahan's map, for a Hamiltonian
         self.early_densities: list[RationalFunction] = []  # found before det DPhi is factored
+        # Pencils in echelon form whose reducible members, the second list, are known.
+        self.reducible: list[tuple[list[Any], list[Any]]] = []
         self.has_factors = False  # True when the factors of det DPhi are known
         self._point = arithmetic.random_point(map.dimension, self.p)
 
@@ -138,7 +140,8 @@ class Invariants:
         if not space or self._normal.get(value) == str(space):
             return []
         modified = self.map.modified_energy
-        basis = normal_basis(space, [modified.as_quotient(self.map.ring)[0]] if modified else [])
+        preferred = [modified.as_quotient(self.map.ring)[0]] if modified else []
+        basis = normal_basis(space, preferred, self.reducible)
         denominator, *others = map(factored, basis)
         self.forms[value] = [rational_functions.without_constant(P / denominator) for P in others]
         # The generators of this cofactor are replaced. Products of several generators stay.
@@ -363,18 +366,23 @@ class Cofactor:
 _SIGNS = 70  # random points at which `is_definite` compares the signs of a polynomial
 
 
-def normal_basis(space: Sequence[Any], preferred: Sequence[Any]) -> list[Any]:
+def normal_basis(
+    space: Sequence[Any], preferred: Sequence[Any], reducible: list[tuple[list[Any], list[Any]]]
+) -> list[Any]:
     """Return a basis [Q, P_1, P_2, ...] of the span of `space`, for simple integrals P_i / Q.
 
     Limits for eps to 0 are independent, and Q is the polynomial with the limit of least degree. The
     P_i are sorted by degree, then members of `preferred` come first, then those with many factors.
+    The reducible members of a pencil are added to `reducible`.
     """
     echelon = in_echelon_form(space)
     basis = polynomials.with_independent_limits(echelon)
     candidates = {str(P): P for P in (*basis, *echelon)}
     if polynomials.letters_in(basis[0]) <= (1 if preferred else _LETTERS):
         with contextlib.suppress(ArithmeticError):  # an unlucky random number, or all are reducible
-            candidates |= {str(P): P for P in reducible_members(echelon)}
+            members = [*reducible_members(echelon)]
+            candidates |= {str(P): P for P in members}
+            reducible.append((echelon, members))
     wanted = map(without_content, preferred)
     first = {str(P): P for P in wanted if polynomials.rank([*space, P]) == len(space)}
     candidates |= first

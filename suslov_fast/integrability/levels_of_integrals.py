@@ -1,7 +1,7 @@
 """The pencil of levels N = h D of an integral N / D: reducible members, base points, genus."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import reduce
 from itertools import product
@@ -13,7 +13,13 @@ from ..keywords import public
 from . import polynomials
 from .base_points import Points, function_of_root, points_of
 from .interpolation import Watch, watch
-from .pencils import HIGHEST, AllReducible, conjugate_members, count_factors
+from .pencils import (
+    HIGHEST,
+    AllReducible,
+    conjugate_members,
+    count_factors,
+    reducible_members,
+)
 from .polynomials import coefficients_in, degree_of, irreducible_factors, letters_of, variables_of
 from .rational_functions import RationalFunction, factored, quotient_of, without_constant
 
@@ -169,17 +175,22 @@ def pencil(integral: RationalFunction) -> Pencil:
     return Pencil(integral, degree, members, shown, comb(degree - 1, 2) - lost, "")
 
 
-def quotient_of_lines(integral: RationalFunction) -> RationalFunction | None:
+def quotient_of_lines(
+    integral: RationalFunction, known: Iterable[tuple[list[Any], list[Any]]]
+) -> RationalFunction | None:
     """Return a function of an integral that is a quotient of products of lines; None without one.
 
     Numerator and denominator have independent limits for eps to 0. If the integral is such a
     quotient itself, or the pencil has no two members that are products of lines, return None.
+    `known` are pencils with their reducible members.
     """
     space = integral.as_quotient()
     if not 2 <= integral.degree <= HIGHEST or all(map(_is_product_of_lines, space)):
         return None
     with contextlib.suppress(ArithmeticError):  # all levels are reducible, or formulas too long
-        members = [P for P, equation in conjugate_members(space) if len(equation) == 2]
+        same = (members for pair, members in known if polynomials.rank([*space, *pair]) == 2)
+        if (members := next(same, None)) is None:
+            members = [*reducible_members(space)]
         lines = sorted(filter(_is_product_of_lines, members), key=polynomials.sort_key)
         lines.sort(key=lambda P: degree_of(polynomials.limit(P)))
         own = [P for P in lines if str(P) == str(polynomials.without_content(space[0]))]

@@ -168,29 +168,36 @@ class _Orbit:
             return
         weights = [[self._rng.randrange(1, 50) for _ in norms] for _ in range(3)]
         A, B, C = (sum(w * P for w, P in zip(row, norms, strict=True)) for row in weights)
+        known: list[list[Any]] = []
         for place in reversed(range(self._plane.symbolic)):
             name = self._ring.names()[place]
             if not (A.degrees()[place] and B.degrees()[place]):
                 continue
             eliminated = A.resultant(B, name).gcd(A.resultant(C, name))
             for P, _ in irreducible_factors(eliminated) if eliminated != 0 else ():
-                if several := self._common_zeros(P, norms, place, n):
+                if several := self._common_zeros(P, norms, place, n, known):
+                    known.append(several)
                     yield several
-            return
 
-    def _common_zeros(self, P: Any, norms: list[Any], place: int, n: int) -> list[Any]:
+    def _common_zeros(
+        self, P: Any, norms: list[Any], place: int, n: int, known: list[list[Any]]
+    ) -> list[Any]:
         """Return P and a factor of each norm that is 0 where P = 0, or [] if that is no condition.
 
-        The letter number `place` is the one that P lacks.
+        The letter number `place` is the one that P lacks. Conditions that are known are left out.
         """
         if not self._is_condition([P, *norms], place, n):
             return []
         p, zero = self._zero
+
+        def vanishes(f: Any) -> bool:
+            return bool(polynomials.modulo(f, p, zero) == 0)
+
+        if any(all(map(vanishes, others)) for others in known):
+            return []
         several = {str(P): P}
         for norm in norms:
-            vanishing = [
-                f for f, _ in irreducible_factors(norm) if polynomials.modulo(f, p, zero) == 0
-            ]
+            vanishing = [f for f, _ in irreducible_factors(norm) if vanishes(f)]
             best = min(vanishing, key=lambda f: (len(f), str(f)))
             several.setdefault(str(best), best)
         return [*several.values()]

@@ -298,7 +298,7 @@ class Search:
     def _find_quotients_of_lines(self) -> Tasks:
         """Find functions of integrals that are quotients of products of lines."""
         for f in self.known.integrals:
-            if quotient := quotient_of_lines(f):
+            if quotient := quotient_of_lines(f, self.invariants.reducible):
                 self._of_lines[str(f)] = quotient
         return []
 

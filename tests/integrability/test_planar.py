@@ -197,6 +197,21 @@ def test_orbits_that_come_to_points_without_an_image_again_and_again(map, entrop
     assert str(found.minimal) == ("x^2 - x - 1" if entropy == GOLDEN else "x^2 - 3*x + 1")
 
 
+def test_orders_that_repeat():
+    """McMillan's map and a constant: the singularity is never confined, and orders repeat."""
+    broken = rational_map(
+        Map(lambda x: (x[1], 3 - x[0] + (2 * x[1] + 1) / (1 - x[1] ** 2)), 2),
+        Map(lambda x: (3 - x[1] + (2 * x[0] + 1) / (1 - x[0] ** 2), x[0]), 2),
+    )
+    found = planar_entropy(broken)
+    assert (str(found.minimal), found.proved, found.lengths) == (
+        "x^3 - 2*x^2 - 2",
+        False,
+        (None,) * 2,
+    )
+    assert check_entropy(broken, found) == pytest.approx(0.8583666967, abs=1e-9)
+
+
 def test_equations_without_a_map_are_not_invertible():
     """x' = 2 x at eps = 1 has det A = 1 - eps = 0 everywhere."""
     assert kahan(Field(lambda x: (2 * x[0], x[0] * x[1]), 2), 1).is_invertible is False

@@ -92,6 +92,14 @@ def test_the_law_of_three_lines():
             assert {(n, factor), (n, sympy.expand(-factor))} & found, n
             found -= {(n, factor), (n, sympy.expand(-factor))}
     assert not found  # one equation, and no other
+    # Two equations: B and one of A, C are 1 or -1.
+    pairs = [c.polynomials for c in locus(LINES, 1, letters="b c") if len(c.polynomials) > 1]
+    for eps in (2, -2):
+        at = {"eps": eps, "b": 1, "c": 7}
+        zeros = [
+            all(f([], **{name: at[name] for name in f.letters}) == 0 for f in fs) for fs in pairs
+        ]
+        assert any(zeros)
 
 
 def texts_of(condition):

@@ -24,8 +24,8 @@ TABLE = (
   ("fit curvefit leastsquares estimate minimize optimize", "",
    "scipy.optimize.least_squares with flow(field.with_parameters(a=a), x0, time=t)"),
   ("table lookup lookuptable interp1d input control timeseries zoh zeroorderhold", "",
-   "np.interp(t, times, values) in f, with a variable t of the rate 1; equal neighbours in "
-   "times are a jump"),
+   "np.interp(t, times, values) or CubicSpline(times, values)(t) in f(t, y); equal neighbours in "
+   "times of np.interp are a jump"),
   ("vectorized vectorize", "", "states (..., D), of which each is a trajectory"),
   ("mass massmatrix m", "", "Field(f, names, mass=M), for M(x) x' = f(x)"),
   ("delay lag history dde dde23 ddesd", "",

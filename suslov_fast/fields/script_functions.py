@@ -225,9 +225,11 @@ class _TakingLists:
         self._function = function
 
     def __call__(self, *given: Any, **options: Any) -> Any:
-        if list in (kinds := [*map(type, given)]) or tuple in kinds:
-            whole = self._function.__name__ not in _OF_SEQUENCES
-            given = tuple(as_symbols(a, whole) for a in given)
+        for each in given:
+            if type(each) is list or type(each) is tuple:
+                whole = self._function.__name__ not in _OF_SEQUENCES
+                given = tuple(as_symbols(a, whole) for a in given)
+                break
         return self._function(*given, **options)
 
     def __getattr__(self, name: str) -> Any:

@@ -20,7 +20,7 @@ from ..core.expressions.dense_product import ENTRY, DenseMatrix, is_large
 from ..core.expressions.function_records import FUNCTIONS, OTHER_NAMES
 from ..words import OF_ARRAYS, STEPS
 
-TABLES = "np.interp for a table, of a fine one for a spline, with equal neighbours for a jump"
+TABLES = "np.interp or CubicSpline for a table"
 
 
 class _Made(threading.local):
@@ -455,10 +455,10 @@ class Symbols(np.ndarray[Any, Any]):
 
 def asked(what: str) -> Exception:
     """Return the error of a function that asks whether a symbolic value is true."""
-    how = "np.where(condition, a, b), & | ~ in place of and, or, not, np.maximum in place of max"
+    how = "np.where(condition, a, b), & | ~ in place of and, or, not, and no loop until x is small"
     return Untraceable(
-        f"asks whether {what} is true, as if, and, or, max, and comparisons of arrays of objects "
-        f"do: write {how}, np.stack([a, b]) for an array"
+        f"asks too often whether conditions are true, such as {what}: an `if`, `and`, `max` or "
+        f"`while` of x has up to 64 paths: write {how}"
     )
 
 
@@ -498,9 +498,8 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         return str(self)  # functions may print what they compute
 
     def _converted(self, *_: Any) -> Any:
-        why = "is a symbol without a value, so float and math cannot convert it"
-        how = "write np.sin for sin of math or SymPy, x for float(x), "
-        how += f"np.zeros_like(x) for np.zeros(n), {TABLES}"
+        why = "is a symbol without a value, which is no float"
+        how = f"write np.sin for sin of SymPy, {TABLES}"
         raise NoNumber(f"{self} {why}: {how}")
 
     __float__ = __complex__ = _converted

@@ -83,7 +83,7 @@ class UserFunction:
         if self.signature is None:
             return
         others = self._others[1:]
-        known = [each.name for each in others]
+        known = [each.name for each in others if each.kind not in _STARS]
         needed = self.needed
         if "args" in parameters and "args" not in known:
             values = parameters["args"]
@@ -95,11 +95,12 @@ class UserFunction:
                 how = f"Field(lambda {states}: f({states}, *args), names)"
             raise wrong("args", "left out", f"{short(parameters['args'])}: pass {how}", TypeError)
         missing = [name for name in needed[1:] if name not in parameters]
-        unknown = [name for name in parameters if name not in known]
-        signature = self.signature
-        if self.has_time:
-            signature = signature.replace(parameters=self._others)
-        if TIME & {each.name for each in self._others}:
+        unknown = [name for name in parameters if not (self.takes_all or name in known)]
+        takes_time = not TIME.isdisjoint(each.name for each in self._others)
+        if not (takes_time or missing or unknown) and _takes_state(self._others):
+            return  # for speed
+        signature = self.signature.replace(parameters=self._others)
+        if takes_time:
             how = "pass lambda x: ..." if self.role == "H" else OF_TIME
         elif _fits(signature, parameters):
             return
@@ -225,6 +226,10 @@ def check_callable(argument: str, f: Any) -> None:
         items = f if isinstance(f, list | tuple | dict) else [f]
         how = _OF_TEXT if any(isinstance(each, str) for each in items) else _OF_SYMPY
         raise wrong(argument, "a function of x", f"{short(f)}: {how}", TypeError)
+
+
+def _takes_state(arguments: Sequence[inspect.Parameter]) -> bool:
+    return len(arguments) > 0 and arguments[0].kind is inspect.Parameter.POSITIONAL_OR_KEYWORD
 
 
 def _fits(signature: inspect.Signature, parameters: Mapping[str, Any]) -> bool:

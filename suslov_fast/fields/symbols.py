@@ -168,9 +168,11 @@ def as_symbols(value: Any, whole: bool = True) -> Any:
     if type(value) not in (list, tuple) or not has_symbols(value):
         return value
     rows = [as_symbols(a, whole) if type(a) in (list, tuple) else a for a in value]
-    shapes = {np.shape(a) for a in rows}
     is_of_lists = not any(isinstance(a, np.ndarray) for a in value)
-    if len(shapes) > 1 or list in (kinds := {*map(type, rows)}) or tuple in kinds:
+    if list in (kinds := {*map(type, rows)}) or tuple in kinds:
+        return type(value)(rows)
+    shapes = {np.shape(a) for a in rows}
+    if len(shapes) > 1:
         return type(value)(rows)
     if shapes == {()}:
         return Symbols.of(rows)

@@ -258,6 +258,12 @@ def test_lists_of_symbols_are_arrays_in_numpys_functions():
     z = np.array([1 + 2j, 3 - 4j])
     expected = [2 + np.sqrt(30), 1j]
     assert Field(lambda z: np.imag([z, 2 * z])[1], 2, complex=True)(z).tolist() == [4, -8]
+
+    def skew(y):
+        rows = np.array([[0.0, -y[1]], [y[1], 0.0]])
+        return np.block([[rows, y.reshape(2, 1)], [-y.reshape(1, 2), np.zeros((1, 1))]])[0, :2]
+
+    assert Field(skew, 2)([3.0, 4.0]).tolist() == [0, -4]
     with pytest.raises(TypeError, match=r"write cmath\.sin"):
         Field(lambda z: math.sin(z[0]), 1, complex=True)
     np.testing.assert_allclose(Field(lambda z: (f(z)[0][0], f(z)[1]), 2, complex=True)(z), expected)

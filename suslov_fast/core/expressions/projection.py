@@ -7,8 +7,8 @@ x <- x - W J^T (J W J^T)**-1 (I(x) - c).
 Constraints of mechanics come first: a step moves coordinates q alone to g(q) = 0, and a step moves
 velocities v alone to phi(q, v) = 0. If there are first integrals, a step with all invariants
 follows. An integral that depends on the invariants before it, up to rounding, is left out: its
-pivot is LEAST of its diagonal entry or less. This last step is left out if it moves a component by
-more than MOST allowed errors, or changes a sign that f keeps, as near states where J loses rank.
+pivot is LEAST of its diagonal entry or less. This last step is left out if it is longer than MOST
+allowed errors, or changes a sign that f keeps, as near states where J loses rank.
 
 Constraints must be independent along the motion: the matrix A = phi_v must keep its rank. Let A_0
 and A_1 be A at the ends of a step, and c_a and p_a the pivots of A_0 A_1^T and A_1 A_1^T. If the
@@ -92,7 +92,10 @@ class _Formulas:
         return {j: larger(a, least) for j, a in w.items()}
 
     def moves(self, r, J, w):
-        """Return {j: the move of component j in units of w[j], a `Number`}, for I - c = r."""
+        """Return {j: the move of component j in units of w[j]} for I - c = r, and their square.
+
+        All are `Number`s. The square is the sum of their squares, r . mu.
+        """
         emit = self.values.emit
         scaled = [{j: emit("fmul", slope, w[j]) for j, slope in row.items()} for row in J]
         elimination = _Elimination(self.values, scaled, scaled)
@@ -100,7 +103,8 @@ class _Formulas:
         for j in sorted({j for row in J for j in row}):
             pairs = [(row[j], mu[a]) for a, row in enumerate(scaled) if j in row]
             moves[j] = self.values.number(dot(emit, pairs))
-        return moves
+        square = dot(emit, zip(r, mu, strict=True)) if r else 0.0
+        return moves, self.values.number(square)
 
 
 class _Elimination:
@@ -162,17 +166,17 @@ def projection_of(f):
     for rows, moving in formulas.halves():
         r, J = formulas.at(x, rows, moving)
         w = formulas.weights({j for row in J for j in row})
-        parts = formulas.moves(r, J, {j: a.number for j, a in w.items()})
+        parts, _ = formulas.moves(r, J, {j: a.number for j, a in w.items()})
         for j, part in parts.items():
             new = number(x[j]) - part * w[j]
             x[j] = (abs(new) > CANCELLED * abs(number(x[j]))).select(new, 0.0).number
     if k > f.constraints_count:
         values, J = formulas.at(x, range(k), range(D))
         r = [formulas.values.emit("fsub", a, 2 * D + n) for n, a in enumerate(values)]
-        is_right, new = number(0.0).equals(0.0), {}
-        for j, part in formulas.moves(r, J, allowed).items():
+        parts, square = formulas.moves(r, J, allowed)
+        is_right, new = square <= MOST * MOST, {}
+        for j, part in parts.items():
             new[j] = number(x[j]) - part * number(allowed[j])
-            is_right = is_right & (abs(part) <= MOST)
             if j in f.of_one_sign:
                 is_right = is_right & (new[j] * number(x[j]) >= 0.0)
         for j, a in new.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -69,8 +70,8 @@ def periodic_orbit(
         A state near the orbit.
     period : array_like(float, shape=(...)), optional
         The approximate period; by default the time after which the motion from `x0` nearly returns
-        to it. If the equations depend on time, a variable with a constant rate, pass the period of
-        the force; it stays fixed.
+        to it, or, if an orbit attracts it, to a late state. If the equations depend on time, a
+        variable with a constant rate, pass the period of the force; it stays fixed.
     rtol : float
         The relative tolerance of :func:`flow`.
     t0 : array_like(float, shape=(...)), optional
@@ -177,9 +178,13 @@ def _orbit(
     field = body._field
     motion = FieldFlow(field, x, settings, acting)
     with np.errstate(all="ignore"):
-        T = _checked_period(field, motion, x, period, acting)
-        start = motion.between_events(x, T)
+        T, near = _checked_period(field, motion, x, period, acting)
+        if near is not x:
+            motion = FieldFlow(field, near, settings, acting)
+        start = motion.between_events(near, T)
         search = _nearer_turn(nearest_orbit(motion, start, T), start, T)
+        if near is not x:
+            search = _doubled(search, start, T)
         if found := _not_an_orbit(search, T):
             how = "an x0 nearer to the orbit, a nearer period, or a larger rtol"
             raise NoConvergence(f"periodic_orbit found {found}: pass {how}")
@@ -230,14 +235,18 @@ def _derivatives(search: Shooting, names: tuple[str, ...]) -> dict[str, OrbitDer
 
 def _checked_period(
     field: Any, motion: FieldFlow, x: FloatArray, period: Any, events: tuple[Event, ...]
-) -> float:
-    """Return the given period, or the time after which the motion from x nearly returns."""
+) -> tuple[float, FloatArray]:
+    """Return the period and a start near the orbit: the given ones, or from the motion.
+
+    Without a period it is the time after which the motion from x nearly returns; or, if it does not
+    return to x but to a later state, as it tends to an orbit, the time for this state.
+    """
     if period is not None:
         T = checks.positive("period", period)
         if motion.is_forced and not motion.has_force_of(x, T):
             expected = "a time after which the force is the same, to six digits or more"
             raise wrong("period", expected, period)
-        return T
+        return T, x
     if motion.is_forced:
         name = field._layout.components[motion.clocks[0]]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
@@ -245,16 +254,36 @@ def _checked_period(
     rough = FieldFlow(field, x, Settings(max(motion.settings.rtol, _ROUGH)), events)
     near, last = near_return(rough, x)
     if near is not None:
-        return near
+        return near, x
     start = f"x0 = {_text(field, x)}"
     if not motion.rate[~motion.drifts].any():
         raise NoConvergence(f"periodic_orbit: {start} is an equilibrium")
     if (rest := _rest(field, motion, x, last)) is not None:
         found = f"the motion from {start} falls to the equilibrium {_text(field, rest)}"
         raise NoConvergence(f"periodic_orbit: {found}: pass an x0 nearer to an orbit")
+    late = rough.states(x, [last])[0]
+    if np.isfinite(late).all():
+        rough = FieldFlow(field, late, rough.settings, events)
+        near, _ = near_return(rough, late)
+        if near is not None:
+            return near, late
     found = f"the motion from {start} does not return near it until t = {last:g}"
-    how = "an x0 nearer to it, as flow(system, x0, time=T).final is if the orbit attracts"
-    raise NoConvergence(f"periodic_orbit: {found}: pass period=, or {how}")
+    raise NoConvergence(f"periodic_orbit: {found}: pass period=, or an x0 nearer to an orbit")
+
+
+def _doubled(search: Shooting, start: FloatArray, T: float) -> Shooting:
+    """Return arcs of an orbit that attracts, of the period T, 2 T or 4 T; else the given arcs.
+
+    If an orbit attracts the motion to `start`, an orbit that repels lies beside one of twice the
+    period.
+    """
+    for m in (1, 2, 4):
+        each = search if m == 1 else nearest_orbit(search.flow, start, m * T)
+        product = functools.reduce(lambda first, then: then @ first, each.slopes)
+        exists = each.closes and np.isfinite(product).all()
+        if exists and abs(np.linalg.eigvals(product)).max() < 1.0 + _NEUTRAL:
+            return each
+    return search
 
 
 def _text(field: Any, x: FloatArray) -> str:

@@ -12,6 +12,9 @@ from suslov_fast.motions import shooting
 # Those of integrals that are not known are told by one warning, which a test below asks for.
 pytestmark = pytest.mark.filterwarnings("ignore:periodic_orbit found a member of a family")
 
+VAN_DER_POL = Field(
+    lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), "x v", mu=np.array([0.5, 1.0, 3.0])
+)
 VOLTERRA = Field(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 
 
@@ -393,10 +396,24 @@ def test_a_doubled_orbit_beside_the_single_one():
     assert orbit.stable
 
 
+@pytest.mark.parametrize("start", [[1.0, 1.0], [0.01, 0.0], [4.0, -3.0]])
+def test_a_start_far_from_an_orbit_that_attracts_it(start):
+    """The motion does not return to the start, but to its later states."""
+    orbit = periodic_orbit(VAN_DER_POL[1], start)
+    assert orbit.period == pytest.approx(6.6632868593231, rel=1e-11)
+    with pytest.raises(NoConvergence, match="does not return"):
+        periodic_orbit(Field(lambda x: (1.0 + 0 * x[0], 0.1 * x[1]), 2), [0.0, 1.0])
+
+
+@pytest.mark.parametrize(("c", "period"), [(2.5, 5.748991), (3.8, 11.569277), (4.1, 23.197558)])
+def test_a_doubled_orbit_that_attracts(c, period):
+    """The attractor, not the unstable orbit of half its period beside it."""
+    orbit = periodic_orbit(roessler(c), [1.0, 1.0, 0.0])
+    assert orbit.stable
+    assert orbit.period == pytest.approx(period, abs=1e-6)
+
+
 # ---------------------------------------------------------------------- batches, and derivatives
-VAN_DER_POL = Field(
-    lambda x, mu: (x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]), "x v", mu=np.array([0.5, 1.0, 3.0])
-)
 
 
 def test_orbits_of_a_family_and_of_starts():

@@ -472,9 +472,9 @@ class Field(Traced):
         >>> Field(lambda x: (-x[0], x[0] * x[1]), "x y").subsystem("x")
         Field(x' = -x)
         """
-        self._check_formulas()
-        layout, equations = subsystem(self, variables(names), held)
-        return type(self)._of({**self.parameters, **settled(layout, equations)})
+        field = self._with_formulas
+        layout, equations = subsystem(field, variables(names), held)
+        return type(self)._of({**field.parameters, **settled(layout, equations)})
 
     @property
     def mechanics(self) -> Mechanics:
@@ -513,16 +513,11 @@ class Field(Traced):
         >>> bool(abs(energy + np.cos(2.0)).max() < 1e-15)
         True
         """
-        self._check_formulas()
-        layout, equations = invariants.conserving(self, integrals)
-        field = type(self)._of({**self.parameters, **settled(layout, equations)})
+        field = self._with_formulas
+        layout, equations = invariants.conserving(field, integrals)
+        field = type(self)._of({**field.parameters, **settled(layout, equations)})
         invariants.check(field)
         return field
-
-    def _check_formulas(self) -> None:
-        """Raise TypeError for a field of terms, which has no formulas with parameters."""
-        if self._equations is None:
-            raise TypeError("system: write f as a function, in place of Field.from_terms")
 
     def _check_kept(self) -> None:
         if self._equations is not None and "conserved" in self._equations.sizes:
@@ -551,12 +546,24 @@ class Field(Traced):
         layout = self._layout.timed
         if layout is self._layout or layout.time_variable:
             return self
-        parts, terms = self._parts, self._program.parameters
-        if self._equations is None:
-            values = self._own_terms.floats.values
-            parts = {name: values[..., k] for k, name in enumerate(terms)}
-        equations = self._program.with_time(layout.components[-1])
-        return Field._of({**parts, LAYOUT: layout, EQUATIONS: equations})
+        field = self._with_formulas
+        equations = field._equations.with_time(layout.components[-1])
+        return Field._of({**field._parts, LAYOUT: layout, EQUATIONS: equations})
+
+    @cached_property
+    def _with_formulas(self) -> Field:
+        """The field as formulas; of a family of terms, coefficients c0, c1, ... are parameters."""
+        if self._equations is not None:
+            return self
+        names, given = {*self.names}, self._own_terms.values
+        letter = next(a for a in "cdabefghijkl" if not any(name.startswith(a) for name in names))
+        values = {f"{letter}{k}": given[..., k] for k in range(given.shape[-1] * bool(self.shape))}
+        tracer = Tracer(self._layout, [*values])
+        factors, rows = [*tracer.state, 1.0], [0.0] * self.dimension
+        coefficients = [*tracer.parameters.values()] if values else given.tolist()
+        for (i, j, k), c in zip(self._own_terms.indices.T.tolist(), coefficients, strict=True):
+            rows[i] = rows[i] + c * factors[j] * factors[k]
+        return Field._of(parts_of(tracer, [*map(tracer.result, rows)], values))
 
     def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""

@@ -1,11 +1,12 @@
 """Tests of integrals that fields keep, and of subsystems: what is proved, and what is refused."""
 
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from suslov_fast import Field, flow
+from suslov_fast import Event, Field, flow
 from suslov_fast.fields.invariants import changes_of
 
 
@@ -130,9 +131,25 @@ def test_errors_of_subsystems():
         field.subsystem("w")
     with pytest.raises(ValueError, match="values of other variables, y, not z"):
         field.subsystem("x", z=1.0)
-    for method in (lambda f: f.subsystem("x1"), lambda f: f.conserving(radius)):
-        with pytest.raises(TypeError, match="write f as a function"):
-            method(Field.from_terms([[[0.0]]], [[1.0]]))
+
+
+def test_fields_of_terms():
+    turning = np.array([[0, 1], [-1, 0]])
+    field = Field.from_terms(np.zeros((2, 2, 2)), turning)
+    kept = field.conserving(radius)
+    assert kept == Field(lambda x: (x[1], -x[0]), 2).conserving(radius)
+    assert changes_of(kept) is None
+    family = Field.from_terms(np.zeros((2, 2, 2, 2)), [turning, 2 * turning], names="c d")
+    with pytest.raises(ValueError, match="function 0 changes"):
+        Field.from_terms(np.zeros((2, 2, 2, 2)), [turning, turning + 1e-8]).conserving(radius)
+    kept = family.conserving(radius)
+    assert Field.from_dict(kept.to_dict()) == kept
+    states = flow(kept, [1.0, 0.0], time=[10.0, 100.0], rtol=1e-3).states
+    np.testing.assert_allclose((states**2).sum(axis=-1), 1.0, rtol=1e-12)
+    decay = Field.from_terms([[[1, 0], [0, 0]], [[0, 1], [0, 0]]], [[Fraction(-1, 3), 0], [0, 2]])
+    assert str(decay.subsystem("x1")) == "Field(x1' = x1*x1 + -1/3*x1)"
+    late = flow(decay, [0.1, 1.0], time=9.0, events=Event(lambda t, x: x[0] - t, terminal=True))
+    assert late.final[0] == pytest.approx(late.end)
 
 
 def test_subsystems_keep_what_belongs_to_them():

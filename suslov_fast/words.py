@@ -53,8 +53,7 @@ TABLE = (
    "crossings(field, x0, time=T, surface=lambda x: -field(x)[..., 0]), maxima of component 0"),
   ("stroboscopic stroboscope stroboscopicmap", "",
    "flow(field, x0, time=T * np.arange(n)), T the period of the force"),
-  ("limitcycle cycle bvp4c solvebvp bvp", "",
-   "periodic_orbit(field, flow(field, x0, time=100).states[-1])"),
+  ("limitcycle cycle bvp4c solvebvp bvp", "", "suslov_fast.periodic_orbit(field, x0)"),
   ("period frequency", "period",
    "periodic_orbit(field, x0).period; orbits of period 2 of a map x -> f(x) are fixed points, "
    "equilibria(Map(lambda x: f(f(x)), names), near=x0)"),

@@ -308,6 +308,8 @@ class _Simultaneous:
 
 def _weight(tracer: Tracer, M: Any, A: Any, parameters: Mapping[str, Any]) -> tuple[bool, float]:
     """Return if M + w A^T A is positive definite at random states, and w."""
+    if not len(M):  # constraints have determined all velocities
+        return True, 0.0
     numbers = np.random.default_rng(1).normal(size=(tracer.D, _SAMPLES))
     numbers *= 10.0 ** np.linspace(-1.0, 0.5, _SAMPLES)
     given = [

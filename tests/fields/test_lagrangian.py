@@ -540,6 +540,22 @@ def test_moving_supports_are_no_velocities():
     assert_allclose(x[1, :2], [0.1 * sin(6.0) + sin(angle[0]), -cos(angle[0])], atol=1e-8)
 
 
+def test_constraints_that_leave_nothing_free():
+    """The motion is given, as a function of time; multipliers are the forces that it takes."""
+    given = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[0],
+        "x y",
+        constraints=lambda q, v, t: (q[0] - t**2, q[1] - sin(t)),
+    )
+    motion = flow(given, [0, 0, 0, 1], time=2.0)
+    assert_allclose(motion.states, [[4, sin(2.0), 4, cos(2.0)]], atol=1e-9)
+    assert_allclose(motion.reactions(), [[3, -sin(2.0)]], atol=1e-9)
+    with pytest.raises(ValueError, match="dependent on one another"):
+        Field.from_lagrangian(
+            lambda q, v: v @ v / 2, "x y", constraints=lambda q, v: (v[0], v[1], q[0] * v[1])
+        )
+
+
 def test_files_and_families():
     field, x = edge(2.0), [0, 0, 1, 0, 0, 1]
     again = Field.from_dict(field.to_dict())

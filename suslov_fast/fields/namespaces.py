@@ -200,7 +200,7 @@ class Names:
         return bool(is_new and not makes_more and isinstance(getattr(value, "__dict__", 0), dict))
 
     def _object(self, value: Any) -> Any:
-        """Return an object with the attributes of a user's one, but with functions of ours."""
+        """Return an object with the attributes of a user's one, which it does not change."""
         kind: Any = type(value)
         if kind not in self._classes:
 
@@ -221,7 +221,7 @@ class Names:
             ours = object.__new__(self._classes[kind])
         except TypeError:  # of a class that inherits from a type such as `dict`
             return self._keep(value, value)
-        object.__setattr__(ours, "__dict__", value.__dict__)
+        object.__setattr__(ours, "__dict__", {**value.__dict__})
         return self._keep(value, ours)
 
 

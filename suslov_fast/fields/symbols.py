@@ -312,7 +312,7 @@ def interpolated(
     return _wrapped(np.frompyfunc(of_one, 1, 1)(_base(x)))
 
 
-def _isclose(a: Any, b: Any, rtol: float = 1e-5, atol: float = 1e-8) -> Any:
+def _isclose(a: Any, b: Any, rtol: float = 1e-5, atol: float = 1e-8, **_: Any) -> Any:
     return abs(a - b) <= atol + rtol * abs(b)
 
 
@@ -377,6 +377,24 @@ def _plain(name: str, *given: Any) -> Any:
 
 def _of_function(self: Any, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
     """Return the value of a function of NumPy that is no ufunc, as `__array_function__`."""
+    before = MADE.count
+    try:
+        return _by_rule(func, args, kwargs)
+    except (TypeError, ValueError):
+        numbers = [_of_only_numbers(a) for a in args]
+        if not any(a is not b for a, b in zip(numbers, args, strict=True)):
+            raise
+        MADE.count = before
+        return func(*numbers, **kwargs)
+
+
+def _of_only_numbers(a: Any) -> Any:
+    """Return an array that f could have filled with symbols, but filled with numbers, as floats."""
+    is_filled = isinstance(a, Symbols) and not any(isinstance(each, Symbol) for each in a.flat)
+    return np.array(a.view(np.ndarray), float) if is_filled else a
+
+
+def _by_rule(func: Any, args: Any, kwargs: Any) -> Any:
     is_product = func is np.dot and len(args) == 2 and not kwargs
     if is_product and (product := _product(*args)) is not None:
         return product
@@ -436,9 +454,15 @@ class Symbols(np.ndarray[Any, Any]):
             raise Untraceable(f"components have numbers in f: write x[0] in place of x[{index!r}]")
         return super().__getitem__(index)
 
+    def __setitem__(self, index: Any, value: Any) -> None:
+        if isinstance(index, Symbols) and index.shape == self.shape and np.ndim(value) == 0:
+            index, value = ..., np.where(index, value, self)  # x[x < 0] = 0
+        super().__setitem__(index, value)
+
     def astype(self, dtype: Any, *given: Any, **options: Any) -> Any:
-        if np.dtype(dtype).kind in "fc" and has_symbols(self.view(np.ndarray).ravel().tolist()):
-            return self.copy()
+        entries, kind = self.view(np.ndarray).ravel().tolist(), np.dtype(dtype).kind
+        if has_symbols(entries) and (kind in "fc" or all(map(_is_truth, entries))):
+            return self + 0.0
         return super().astype(dtype, *given, **options)
 
     @property  # type: ignore[misc]

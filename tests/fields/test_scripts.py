@@ -409,3 +409,32 @@ def test_functions_of_numbers_on_arrays():
 
     states = np.random.default_rng(5).normal(size=(20, 3))
     np.testing.assert_allclose(Field(f, 3)(states), [f(y) for y in states], rtol=1e-14)
+
+
+def test_numpys_ways_of_scripts():
+    """Masks, truth values as integers, and functions of arrays that f filled with numbers."""
+
+    def f(y):
+        d, weights = y.copy(), np.ones((3, 3))
+        d[d < 0] = -2.0
+        d[y > 1] = 1.0
+        d += np.linalg.pinv(weights) @ y * (y > 0).astype(int)
+        return d if not np.allclose(y, 0.0) else 0 * y
+
+    states = np.random.default_rng(8).normal(size=(30, 3))
+    expected = [f(y) for y in states]
+    np.testing.assert_allclose(Field(f, 3)(states), expected, rtol=1e-13, atol=1e-14)
+
+
+def test_objects_of_users_do_not_change():
+    class Integral:
+        total = 0.0
+
+        def add(self, e):
+            self.total += e
+            return self.total
+
+    integral = Integral()
+    with pytest.raises(ValueError, match="two calls of f differ"):
+        Field(lambda y: [integral.add(y[0])], 1)
+    assert integral.total == 0.0

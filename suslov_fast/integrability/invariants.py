@@ -382,7 +382,8 @@ def normal_basis(
         with contextlib.suppress(ArithmeticError):  # an unlucky random number, or all are reducible
             members = [*reducible_members(echelon)]
             candidates |= {str(P): P for P in members}
-            reducible.append((echelon, members))
+            if len(echelon) == 2:
+                reducible.append((echelon, members))
     wanted = map(without_content, preferred)
     first = {str(P): P for P in wanted if polynomials.rank([*space, P]) == len(space)}
     candidates |= first

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import reduce
 from itertools import product
-from math import comb
+from math import comb, gcd
 from typing import Any, NamedTuple
 
 from ..checks import kind_of, wrong
@@ -122,7 +122,7 @@ def pencil(integral: RationalFunction) -> Pencil:
     Parameters
     ----------
     integral : RationalFunction
-        N / D, from a report, of degree 2 to 6.
+        N / D, from a report, of degree 2 to 6. If it is a power, its root stands for it.
 
     Returns
     -------
@@ -149,6 +149,10 @@ def pencil(integral: RationalFunction) -> Pencil:
     """
     if not isinstance(integral, RationalFunction):
         raise wrong("integral", "one of a report", kind_of(integral), TypeError)
+    power = max(1, gcd(*(e for _, e in integral.factors)))
+    if power > 1:
+        root = tuple((P, e // power) for P, e in integral.factors)
+        integral = RationalFunction(root, basis=integral.basis)
     if not 2 <= (degree := integral.degree) <= HIGHEST:
         raise wrong("integral", f"of degree 2 to {HIGHEST}", f"of degree {degree}")
     space, token = integral.as_quotient(), watch.set(_Strict())

@@ -137,7 +137,10 @@ TABLE = (
   ("exact", "exact", "iterate or flow; bodies have body.exact(omega0, eps, n)"),
   ("modifiedhamiltonian modifiedenergy", "modified_energy",
    "kahan.modified_energy(system, x, eps), or suslov_fast.integrability.report(field).integrals"),
-  ("torque multiplier reaction criticality xy toxy", "reaction",
+  ("momenta residual projected project constraintforce", "mechanics",
+   "field.mechanics of a field from Field.from_lagrangian: momenta, residuals, multipliers, "
+   "reactions, projected"),
+  ("torque multiplier reaction criticality xy toxy", "reaction mechanics",
    "a method of a body, as body.reaction(omega, eps), body.criticality(omega, eps), body.to_xy"),
   ("restrict levelset", "on_level",
    "suslov_fast.integrability.on_level(map, [integral])"),

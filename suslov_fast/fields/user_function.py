@@ -186,6 +186,9 @@ class UserFunction:
         alone = [a.item() if isinstance(a, np.ndarray) and a.size == 1 else a for a in parts]
         if self.role == "mass":
             alone = tracer.layout.blocks(alone, parts_of_number)
+        if self.role == "integrals":  # both parts of a complex integral are integrals
+            pairs = map(parts_of_number, alone)
+            alone = [a for pair in pairs for a in pair[: 1 + (type(pair[1]) is not float)]]
         if self.role not in ("f", "to"):
             return [*map(tracer.result, alone)]
         of_time = 1.0 if self.role == "f" else tracer.time

@@ -174,7 +174,8 @@ def iterate(
     ((5, 1000, 2), True, array([1.  , 1.01]))
     """
     map = map_of(system, method)
-    x0, t0 = start_of(x0, t0)
+    x0, time = start_of(x0, t0)
+    t0 = time if system._has_eps else t0
     eps, steps = eps_and_steps("iterate", system, eps, steps)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")

@@ -440,6 +440,14 @@ def test_kahans_map_of_a_field_with_time():
         integrability.kahan(field)
 
 
+def test_complex_integrals_are_two():
+    field = Field(lambda z: (1j * z[0], -1j * z[1]), "z w", complex=True)
+    kept = field.conserving(lambda z: z[0] * z[1])
+    assert kept == field.conserving(lambda z: ((z[0] * z[1]).real, (z[0] * z[1]).imag))
+    z, w = flow(kept, [1 + 2j, 3 - 1j], time=[10.0, 100.0], rtol=1e-3).states.T
+    np.testing.assert_allclose(z * w, (1 + 2j) * (3 - 1j), rtol=1e-9)
+
+
 def test_conserved_and_subsystems_with_time():
     field = Field(lambda t, y: (y[1], -y[0], np.cos(t) - y[2]), "x v w")
     kept = field.conserving(lambda y: y[0] ** 2 + y[1] ** 2)

@@ -473,10 +473,9 @@ def test_integrals_of_complex_variables():
     angles = 1.3 * (motion.time + np.sin(0.5 + motion.time) - np.sin(0.5))
     close(states[:, 0], (0.6 + 0.8j) * np.exp(-1j * angles))
     np.testing.assert_allclose(abs(states), 1.0, rtol=1e-15)
-    with pytest.raises(TypeError, match="is complex"):
-        field.conserving(lambda z: z[0] ** 2)
-    with pytest.raises(ValueError, match="function 0 changes along the motion"):
-        field.conserving(lambda z: abs(z[1]) ** 2)
+    for changes in (lambda z: z[0] ** 2, lambda z: abs(z[1]) ** 2):
+        with pytest.raises(ValueError, match="function 0 changes along the motion"):
+            field.conserving(changes)
 
 
 def test_integrals_that_read_the_time():

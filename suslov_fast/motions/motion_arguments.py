@@ -247,9 +247,14 @@ def causes_of(system: Any) -> Mapping[Status, str]:
     return CAUSES | {Status.ENDED: CAUSES[Status.ENDED] + more}
 
 
-def warn_of_lost_components(result: SolverResult, batch: tuple[int, ...]) -> None:
-    """Warn once of solutions with a component that has lost its digits, and would grow again."""
+def warn_of_lost_components(system: Any, result: SolverResult, batch: tuple[int, ...]) -> None:
+    """Warn once of solutions with a component that has lost its digits, and would grow again.
+
+    A solution that ends where constraints become dependent may have a coordinate that tends to 0.
+    """
     doubtful = result.all_ends.doubtful
+    if constraints_of(system) is not None:
+        doubtful = np.where(result.all_ends.status == int(Status.ENDED), 0, doubtful)
     if not np.count_nonzero(doubtful):
         return
     index = spell(first_index(doubtful.reshape(batch) != 0))

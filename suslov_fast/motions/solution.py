@@ -71,7 +71,7 @@ def solution(
     if result.ends is not None:
         causes = motion_arguments.causes_of(system)
         motion_arguments.warn_of_ends(result, x, batch, settings.atol, causes)
-        motion_arguments.warn_of_lost_components(result, batch)
+        motion_arguments.warn_of_lost_components(system, result, batch)
     return result, phases
 
 

@@ -432,7 +432,6 @@ def bars():
     )
 
 
-@pytest.mark.filterwarnings("ignore:.*component that fell below")  # x, on its way to the corner
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6, 1e-9, 1e-12])
 def test_solutions_end_where_constraints_become_dependent(rtol):
     lines = Field.from_lagrangian(

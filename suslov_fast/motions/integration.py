@@ -13,7 +13,7 @@ from .. import checks
 from ..calls import ALL, available
 from ..checks import FloatArray
 from ..core.flow.batch_solver import COLUMNS, BatchSolver, SolverRequest, closer
-from ..core.flow.growing_components import LATER, RELATIVE
+from ..core.flow.growing_components import LATER, TRIES
 from ..core.flow.held import STATUS as STATUS
 from ..core.flow.integrator import Integrator
 from ..core.flow.memory import LaneState
@@ -294,9 +294,9 @@ def _again(
 ) -> SolverResult:
     """Return a result in which trajectories with an alarm (`growing_components`) are recomputed.
 
-    Components that lost digits are RELATIVE: their allowed errors are relative to their own values.
-    A second alarm adds components, and a third alarm adds all. If a solution ends sooner with such
-    allowed errors than without them, the solution without them is returned, marked as doubtful.
+    They take the next of `TRIES` after each alarm. If a solution ends sooner with allowed errors
+    relative to components than without them, the solution without them is returned, marked as
+    doubtful.
     """
     f, request = engine.f, engine.request
 
@@ -310,8 +310,8 @@ def _again(
 
     first = where = np.flatnonzero(engine.state == LaneState.AGAIN)
     lost, report = engine.lost[where], engine.report_of_part(where)
-    for acts in (True, True, False):
-        engine = run(where, np.where((lost < 0.0) | (not acts), RELATIVE, 0.0), acts)
+    for each in TRIES:
+        engine = run(where, each.marks(lost), each.acts)
         result = result.again(where, _result_of(engine, starts[where]))
         alarms = engine.state == LaneState.AGAIN
         where, lost = where[alarms], engine.lost[alarms]

@@ -31,7 +31,7 @@ from ..core.expressions.orthonormal_frame import SHIFT, with_frame
 from ..core.expressions.variational import variational
 from ..core.flow import batch_solver
 from ..core.flow.batch_solver import BatchSolver, EventTimes, SolverRequest
-from ..core.flow.growing_components import RELATIVE
+from ..core.flow.growing_components import TRIES
 from ..core.flow.memory import LaneState
 from ..core.hybrid.event_formulas import EventAction, components_of
 from ..fields.constraints import constraints_of
@@ -182,8 +182,7 @@ class _Run:
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
         self.t = np.zeros(len(x))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
-        # `is_first` is False after an alarm (lost digits, `growing_components`), `acts` after two.
-        self.is_first = self.acts = True
+        self.tried, self.acts = 0, True  # how many of `TRIES` this run follows, see `_repeat`
         self.begin()
 
     def begin(self) -> None:
@@ -208,13 +207,13 @@ class _Run:
         """Compute trajectories again from x after an alarm, with relative digits where lost."""
         (which,) = np.nonzero(self.again)
         times = self.event_times and self.event_times.of(which)
-        settings = batch_solver.closer(self.settings)
+        settings = self.settings if self.tried else batch_solver.closer(self.settings)
         request = SolverRequest(np.array([time]), 1, settings, self.threads, event_times=times)
         spaces = self.spaces and self.spaces.of(which)
         run = _Run(self.f, self._table(which), x[which], self.moving, request, spaces)
-        run.is_first, run.acts = False, self.is_first
-        # After a second alarm the allowed errors of all components are relative to their values.
-        run.lost[:] = np.where((self.lost[which] < 0.0) | (not run.acts), RELATIVE, 0.0)
+        own = TRIES[self.tried]
+        run.tried, run.acts = self.tried + 1, own.acts
+        run.lost[:] = own.marks(self.lost[which])
         goes_on = run.through(transient, time, report)
         for name in ("logs", "duration", "dead", "t", "status"):
             getattr(self, name)[which] = getattr(run, name)

@@ -26,6 +26,9 @@ If all components are RELATIVE, only those below 2**-990 lose digits. Then the a
 
 import functools
 from math import inf
+from typing import NamedTuple
+
+import numpy as np
 
 from ..expressions.values import larger
 from ..llvm.text import Carried
@@ -33,6 +36,23 @@ from .memory import LaneState
 from .scalar_kernels import scalar_kernel
 
 RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to the component's value
+
+
+class Try(NamedTuple):
+    """A computation after an alarm, with `batch_solver.closer` settings."""
+
+    of_all: bool  # allowed errors of all components are RELATIVE, else of those that alarms marked
+    acts: bool  # another alarm ends it, and leads to the next try
+
+    def marks(self, lost):
+        """Return the row `lost` at its start, from `lost` at the alarm."""
+        return np.where((lost < 0.0) | self.of_all, RELATIVE, 0.0)
+
+
+# After an alarm `flow`, exponents and compiled loops compute a trajectory again, and after each
+# other alarm by the next try. If a solution then ends sooner than before, the result of `flow` and
+# of loops is a last computation, in which no component is RELATIVE and no alarm ends it.
+TRIES = Try(False, True), Try(False, True), Try(True, False)
 LATER = 1.001  # two computations may end at one pole if their end times have at most this ratio
 # The least exponents a h of growth exp(a h) in a step of length h that count. NEXT, in implicit
 # steps: the next step may be four times as long. LONG, in explicit steps: at this exponent those of

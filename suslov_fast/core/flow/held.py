@@ -16,7 +16,7 @@ from . import batch_solver
 from .code_arguments import COMPONENT, NUMBER, SLOT
 from .event_actions import most_records
 from .event_records import size_of
-from .growing_components import LATER
+from .growing_components import LATER, TRIES
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, code_of_program
 
@@ -28,7 +28,8 @@ for _name in ("ENDED", "SLIDING", "STOPPED", "ACCUMULATES"):
 _IMPLICIT, _DONE = LaneState.IMPLICIT, LaneState.DONE
 _STOPPED, _ACCUMULATES, _AGAIN = LaneState.STOPPED, LaneState.ACCUMULATES, LaneState.AGAIN
 _ENDED, _TOO_MANY, _NO_VALUE = LaneState.ENDED, LaneState.TOO_MANY, LaneState.NO_VALUE
-_ALL, _WITHOUT = 3, 4  # repetitions with all, or no, components RELATIVE, see `growing_components`
+_LAST, _WITHOUT = len(TRIES), len(TRIES) + 1  # numbers of tries; the first computation has 0
+_OF_ALL = (False, *(each.of_all for each in TRIES), False)
 OF_ANOTHER = -128  # returned as a status if the memory belongs to another system
 HALF = math.sqrt(0.5)
 _ENDLESS = 2**62  # steps of the budget: compiled loops do not pause for Ctrl-C
@@ -192,7 +193,7 @@ def _begin(system, x0, memory, tries):
     x, D, size = memory[plan[PLAN.rows] :], plan[PLAN.D], 0.0
     relative = memory[plan[PLAN.state] :]  # keeps the marks RELATIVE of `lost`, overwritten below
     for i in range(D):
-        is_relative = (x[plan[PLAN.lost] + i] < 0.0) | (tries == _ALL)
+        is_relative = (x[plan[PLAN.lost] + i] < 0.0) | _OF_ALL[tries]
         relative[i] = -1.0 if is_relative and tries != _WITHOUT else 0.0
     first, numbers = plan[PLAN.numbers], memory[plan[PLAN.numbers] :]
     for k in range(plan[PLAN.table] - first):
@@ -224,7 +225,7 @@ def _begin(system, x0, memory, tries):
         return
     for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many):
         numbers[k] = constants[plan[PLAN.numbers_again] + k]
-    if tries >= _ALL:
+    if tries >= _LAST:
         numbers[NUMBER.acts] = 0.0
     counts = constants[plan[PLAN.components_again] + COMPONENT.counts * system.dimension :]
     for i in range(system.dimension):

@@ -100,7 +100,7 @@ class Records(NamedTuple):
 class Rows(NamedTuple):
     """Records of events of one or more trajectories, as the engine writes them."""
 
-    arrays: list[FloatArray]  # arrays of rows, see `event_records`
+    arrays: list[FloatArray]  # arrays of rows, see `events.records`
     sign: int  # sign of time
     starts: FloatArray  # initial states (B, D)
 

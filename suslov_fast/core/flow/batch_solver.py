@@ -13,8 +13,8 @@ from ..llvm.compiler import address_of, compiled
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
-from .event_actions import most_records
-from .event_records import size_of
+from .events.actions import most_records
+from .events.records import size_of
 from .growing_components import many_of, some_of
 from .integrator import Integrator
 from .memory import BEGINS, LaneState
@@ -208,7 +208,7 @@ class BatchSolver:
              the run these are the errors at the end, if `lost` was given or an alarm ended a
              trajectory of the same block
     doubtful (B,), True where an alarm of `growing_components` did not end the trajectory
-    records  arrays of the actions of events, see `event_records`
+    records  arrays of the actions of events, see `events.records`
     is_stopped   True if `report` stopped the run
     """
 

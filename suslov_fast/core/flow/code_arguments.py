@@ -21,7 +21,7 @@ class CodeArguments(NamedTuple):
     state_bytes: int = 0  # bytes of the saved states at one time
     event_times: int = 0  # address of pairs (time, event), an array (count or 1, n + 1, 2)
     event_time_bytes: int = 0  # bytes between the pairs of successive trajectories; 0 if shared
-    records: int = 0  # address of records of events, rows of `event_records.size_of` numbers
+    records: int = 0  # address of records of events, rows of `events.records.size_of` numbers
     recorded: int = 0  # number of records so far; the code changes it
     full: int = 0  # number of records above which the code returns
 

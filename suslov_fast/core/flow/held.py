@@ -14,8 +14,8 @@ from ..numba.intrinsics import call_code, with_address
 from ..numba.status_codes import NONFINITE, OK
 from . import batch_solver
 from .code_arguments import COMPONENT, NUMBER, SLOT
-from .event_actions import most_records
-from .event_records import size_of
+from .events.actions import most_records
+from .events.records import size_of
 from .growing_components import LATER, TRIES
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, code_of_program

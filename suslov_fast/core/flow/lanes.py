@@ -5,8 +5,9 @@ waits. In memory the rows of a trajectory are consecutive; the rows of a lane ar
 """
 
 from ..llvm.text import Integers, Shared
-from . import branch_choice, dense_output, event_actions, projection, step_length
+from . import dense_output, projection, step_length
 from .code_arguments import SLOT
+from .events import actions, branch_choice
 from .memory import LaneState
 from .next_state import move
 
@@ -93,8 +94,8 @@ def _begin_with_events(code, begins):
     is_over = running & (code.number("last") <= 0.0)
     line.state.choose(is_over, 0, float(LaneState.DONE))
     text.copy(line.x, work.new, code.D)
-    event_actions.find_sides(code, begins)
+    actions.find_sides(code, begins)
     work.taken.choose(begins, 0, 0.0)
-    event_actions.act(code)
+    actions.act(code)
     dense_output.save_at_end(code)
     move(code)

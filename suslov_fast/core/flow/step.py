@@ -25,11 +25,11 @@
 
 5. Choice of the explicit or the implicit integrator for the next step (`step_length`).
 
-6. Event cut (`event_location`): if a surface is crossed, the step is refused, and h_next leads to
+6. Event cut (`events.location`): if a surface is crossed, the step is refused, and h_next leads to
    the surface, until a step ends there.
 
 7. Output at the times that the step has passed (`dense_output`), actions of events at its end
-   (`event_actions`), and new branches of f (`branch_choice`).
+   (`events.actions`), and new branches of f (`events.branch_choice`).
 
 8. x = x_next, f(x) = f_next, where the step is accepted.
 
@@ -40,16 +40,14 @@ integrator have h = 0.
 from math import inf
 
 from . import (
-    branch_choice,
     dense_output,
-    event_actions,
-    event_location,
     growing_components,
     second_trial,
     step_length,
     tolerance,
 )
 from .codegen import larger_of
+from .events import actions, branch_choice, location
 from .next_state import find_next_state, move
 
 
@@ -63,13 +61,13 @@ def take_step(code):
     _accept(code, errors, before)
     integrator.rule.turn(code, errors)
     if integrator.watched:
-        event_location.cut(code, before, errors["total"])
+        location.cut(code, before, errors["total"])
     growing_components.watch(code, errors["alerts"], errors["on_trial"])
     dense_output.save_states(code)
     if integrator.kinks:
         branch_choice.choose(code)
     if integrator.f.hybrid.acts:
-        event_actions.act(code)
+        actions.act(code)
         dense_output.save_at_end(code)
     if code.f.hybrid.chooses:
         branch_choice.renew(code)

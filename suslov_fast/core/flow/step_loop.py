@@ -5,8 +5,9 @@ most steps skip are functions of their own: LLVM's time grows faster than the le
 """
 
 from ..llvm.text import Carried, Code
-from . import branch_choice, dense_output, event_actions, growing_components
+from . import dense_output, growing_components
 from .codegen import StepCode
+from .events import actions, branch_choice
 from .lanes import pause_if_spent, take_next
 from .step import take_step
 from .step_length import choose_length
@@ -27,7 +28,7 @@ def text_of_integrator(integrator, name, W, for_each):
     if integrator.f.hybrid.chooses:
         parts["choose"] = branch_choice.choose_branches
     if integrator.f.hybrid.acts:
-        parts["change"] = event_actions.change
+        parts["change"] = actions.change
     if integrator.rule.interpolates:
         parts["between"] = dense_output.save_between
     for part, add in parts.items():

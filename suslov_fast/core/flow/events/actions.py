@@ -11,18 +11,18 @@ state with |s| <= `near` is on the surface.
 
 from math import inf
 
-from ..expressions.values import larger, smaller
-from ..hybrid.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
-from ..llvm.text import Carried, Integers, Shared
+from ...expressions.values import larger, smaller
+from ...hybrid.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
+from ...llvm.text import Carried, Integers, Shared
+from ..codegen import larger_of
+from ..growing_components import RAISED
+from ..memory import LaneState
+from ..projection import keep_levels
+from ..scalar_kernels import AT_ONCE, EDGE, NEARLY, TINY, scalar_kernel
+from ..step_length import AT_FIRST, first_length, sizes_of
 from . import branch_choice
-from .codegen import larger_of
-from .event_location import AFTER_THIS
-from .event_records import record
-from .growing_components import RAISED
-from .memory import LaneState
-from .projection import keep_levels
-from .scalar_kernels import AT_ONCE, EDGE, NEARLY, TINY, scalar_kernel
-from .step_length import AT_FIRST, first_length, sizes_of
+from .location import AFTER_THIS
+from .records import record
 
 # A trajectory ends if an event acts again at once this often in a row, or if this many events act
 # at one instant in addition to one on each surface.

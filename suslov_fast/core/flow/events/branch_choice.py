@@ -1,6 +1,6 @@
 """The branches of a right-hand side with conditions: fixed along a step, chosen after it.
 
-A step ends just beyond a surface on which a condition changes (`event_location`). There new
+A step ends just beyond a surface on which a condition changes (`location`). There new
 branches are chosen, and f is evaluated with them. Columns v of derivatives become
 
 v + (f_after - f_before) (grad s . v + ds/dp) / (grad s . f_before),
@@ -17,12 +17,12 @@ Then it continues with the other branches.
 import itertools
 from math import inf, nan
 
-from ..expressions.tables import Table, is_table
-from ..expressions.values import larger, smaller
-from ..llvm.text import Carried, Intervals
-from . import dense_output
-from .memory import LaneState
-from .scalar_kernels import AT_ONCE, scalar_kernel
+from ...expressions.tables import Table, is_table
+from ...expressions.values import larger, smaller
+from ...llvm.text import Carried, Intervals
+from .. import dense_output
+from ..memory import LaneState
+from ..scalar_kernels import AT_ONCE, scalar_kernel
 
 _BEFORE = 2  # number of results of `branches` that precede the branches
 
@@ -147,7 +147,7 @@ def _jump(code, jumped):
     with code.text.when(back.any(), likely=False):
         for i in code.text.each(code.integrator.watched):
             line.beyond.choose(back, i, code.work.start[i])
-        # This starts a search for a surface within the time `ahead`, see `event_location`.
+        # This starts a search for a surface within the time `ahead`, see `location`.
         search = {"whole": line.wanted[0], "wanted": ahead, "outer": ahead}
         code.keep(line, search | {"inner": 0.0, "weight": 0.0, "rounds": 0.0}, back)
 

@@ -1,7 +1,7 @@
 """Records of the actions of events, in a buffer that Python copies into arrays."""
 
-from ..llvm.text import Integers, Shared
-from .code_arguments import SLOT
+from ...llvm.text import Integers, Shared
+from ..code_arguments import SLOT
 
 
 def size_of(f):

@@ -24,11 +24,11 @@ import functools
 import itertools
 from math import inf
 
-from ..expressions.values import larger, smaller
-from ..hybrid.double_crossings import MIDDLE, POINTS
-from .memory import LaneState
-from .scalar_kernels import EDGE, NEARLY, scalar_kernel
-from .step_length import AFTER_REFUSED, SAFETY
+from ...expressions.values import larger, smaller
+from ...hybrid.double_crossings import MIDDLE, POINTS
+from ..memory import LaneState
+from ..scalar_kernels import EDGE, NEARLY, scalar_kernel
+from ..step_length import AFTER_REFUSED, SAFETY
 
 PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: parts of t and of the last time
 HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings

@@ -82,38 +82,38 @@ class _Path:
         return is_below if high <= cut else not is_below if low >= cut else None
 
 
-def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
-    """Return the operands that `call` returns, where it may ask whether symbols are true.
+class _Paths:
+    """The paths of a function, their number, and the errors that it raises on some."""
 
-    The first path is taken twice, and must return the same operands.
-    """
-    count, errors = 0, list[Exception]()
+    def __init__(self, tracer: Tracer, call: Callable[[], list[Any]]) -> None:
+        self.tracer, self.call = tracer, call
+        self.count, self.errors = 0, list[Exception]()
 
-    def result() -> list[Any]:
+    def result(self) -> list[Any]:
         """Return the operands; none if f raises an error, so that it has no value on this path."""
         try:
-            return call()
+            return self.call()
         except Raised as error:
-            errors.append(error.error)
+            self.errors.append(error.error)
             return []
 
-    def of(taken: dict[int, bool]) -> list[Any]:
-        nonlocal count
-        count += 1
-        path = _Path(tracer, taken)
+    def along(self, taken: dict[int, bool]) -> list[Any]:
+        """Return the operands on all paths that begin with the answers `taken`."""
+        self.count += 1
+        tracer, path = self.tracer, _Path(self.tracer, taken)
         tracer.decide = path.decide
-        rows = result()
+        rows = self.result()
         if not taken:
             tracer.decide = _Path(tracer, taken).decide
-            if [*map(repr, rows)] != [*map(repr, result())]:  # numbers: equal operations share one
+            if [*map(repr, rows)] != [*map(repr, self.result())]:  # equal operations share a number
                 how = "f must compute from x and its parameters alone, without random numbers or "
                 raise ValueError(f"two calls of f differ: {how}memory")
         questions = [*path.new]
         for k in reversed(range(len(questions))):
             key = questions[k]
-            if count >= MOST:
+            if self.count >= MOST:
                 raise asked(str(Symbol(tracer, key)))
-            others = of({**taken, **dict.fromkeys(questions[:k], True), key: False})
+            others = self.along({**taken, **dict.fromkeys(questions[:k], True), key: False})
             rows, others = rows or [math.nan] * len(others), others or [math.nan] * len(rows)
             if len(others) != len(rows):
                 raise Untraceable("returns different numbers of components after an `if`")
@@ -123,9 +123,16 @@ def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
             ]
         return rows
 
+
+def along_all_paths(tracer: Tracer, call: Callable[[], list[Any]]) -> list[Any]:
+    """Return the operands that `call` returns, where it may ask whether symbols are true.
+
+    The first path is taken twice, and must return the same operands.
+    """
+    paths = _Paths(tracer, call)
     try:
-        if not (rows := of({})):
-            raise errors[0]
+        if not (rows := paths.along({})):
+            raise paths.errors[0]
         return rows
     finally:
         tracer.decide = None

@@ -153,6 +153,8 @@ class UserFunction:
         except (TypeError, ValueError) as error:
             kind = TypeError if isinstance(error, TypeError) else ValueError
             raise kind(f"{self.role}: {error}") from (error.__cause__ or error)
+        finally:
+            names.close()
 
     def _value(self, f: Any, tracer: Tracer) -> Any:
         """Return what f returns at symbols; TypeError or ValueError if it does not accept them."""

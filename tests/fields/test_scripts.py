@@ -1,6 +1,7 @@
 """Functions as users of SciPy write them: f(t, y), arrays that f fills, `if`, `math`, tables."""
 
 import functools
+import gc
 import math
 import pickle
 from math import sin
@@ -438,3 +439,19 @@ def test_objects_of_users_do_not_change():
     with pytest.raises(ValueError, match="two calls of f differ"):
         Field(lambda y: [integral.add(y[0])], 1)
     assert integral.total == 0.0
+
+
+def test_traces_leave_no_work_to_garbage_collection():
+    def f(t, y):
+        d = np.zeros(2)
+        d[:] = y[1], sin(y[0]) if y[1] > 0 else max(t, 0.0)
+        return d
+
+    Field(f, "x v")
+    gc.collect()
+    gc.disable()
+    try:
+        Field(f, "x v")
+        assert gc.collect() == 0
+    finally:
+        gc.enable()

@@ -28,7 +28,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-__version__ = "2.1.0"
+__version__ = "2.2.0"
 
 # The imports in `__init__.pyi` list the public names. The loader reads that file, not `open`,
 # because the package may be in an archive.

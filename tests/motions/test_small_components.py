@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from scipy.integrate import solve_ivp
 from systems import field, oregonator, robertson, van_der_pol
 
@@ -200,7 +201,7 @@ def test_derivatives_threads_and_large_batches():
     x0 = np.tile([0.99, 0.01], (100, 3, 1))
     x0[..., 1] *= np.linspace(0.9, 1.1, 100)[:, np.newaxis]
     options = {"time": [20.0, 40.0], "derivatives": ("x0", "b")}
-    found = sf.flow(EPIDEMIC, x0, **options, threads=2)
+    found = sf.flow(EPIDEMIC, x0, **options, threads=TWO_THREADS)
     few, right = (sf.flow(EPIDEMIC, x0[7], **options, atol=a) for a in (None, 0))
     np.testing.assert_array_equal(found.states[:, 7], few.states)
     same_as_with_atol_0(few, right)

@@ -83,6 +83,9 @@ class Field(Traced):
         The number of variables, D, and their names. ``==`` ignores the names.
     parameters : dict
         Named parameters, which are coordinates of datasets. ``==`` ignores their names.
+    mechanics : Mechanics
+        Only of a field from :meth:`from_lagrangian`: its methods `momenta`, `residuals`,
+        `multipliers`, `reactions` and `projected` take states.
     terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
         Only of a field of degree 2: i, j, k and v of all terms, sorted. x_i' is the sum of its
         terms v x_j x_k, where j <= k and the index D stands for a factor 1.

@@ -211,6 +211,8 @@ class Names:
         if kind not in self._classes:
 
             def found(this: Any, name: str) -> Any:
+                if isinstance(of_class := getattr(kind, name, None), property) and of_class.fget:
+                    return self.of(self.of(of_class.fget)(this))
                 attribute = kind.__getattribute__(this, name)
                 return attribute if name.startswith("__") else self.of(attribute)
 

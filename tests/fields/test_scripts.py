@@ -178,8 +178,14 @@ def shorter(t, y):
 
 
 class Slower(Pump):
+    @property
+    def deficit(self):
+        return math.fabs(1.0 - self.height)
+
     def rates(self, t, y):
         d = super().rates(t, y)
+        self.height = y[0]
+        assert self.deficit >= 0
         d[0] = super().rate(t, y[0])
         return d
 

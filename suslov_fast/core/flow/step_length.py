@@ -209,9 +209,9 @@ def _after(
     of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
     most = accepted.select(longer, of_refused)
     factor = _factor(of_length, power)
-    best_now, factor = smaller(factor, LONGER) * taken, SAFETY * factor
-    if predicts:
-        shrinks = larger(smaller(STEADY * (best_now / best), 1.0), SHRINKS)
+    of_best, factor = smaller(factor, LONGER), SAFETY * factor
+    if predicts:  # the quotient does not wait for the factor
+        shrinks = larger(smaller(of_best * (STEADY * taken / best), 1.0), SHRINKS)
         factor = factor * (accepted & (longer < AT_FIRST)).select(shrinks, 1.0)
     factor = sees.select(larger(smaller(factor, most), SHORTER), OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
@@ -226,7 +226,7 @@ def _after(
         "t": after,
         "wanted": changes.select(smaller(factor * taken, longest), wanted),
         "longer": changes.select(after_this, longer),
-        "best": moved.select(best_now if predicts else 0.0, best),
+        "best": moved.select(of_best * taken if predicts else 0.0, best),
         "state": (is_active & (after >= last)).select(float(LaneState.DONE), state),
         "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),

@@ -256,6 +256,35 @@ def test_surfaces_near_the_least_numbers(factor):
     assert found.events.count.tolist() == [[1], [0]]
 
 
+FLAT = {
+    "minimum": lambda s: np.minimum(s[0], 0.0),
+    "where": lambda s: np.where(s[0] < 0, s[0], 0.0),
+    "cubed": lambda s: np.minimum(s[0], 0.0) ** 3,
+    "above": lambda s: np.maximum(s[0], 0.0),  # never below 0
+}
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("name", FLAT)
+def test_surfaces_that_are_flat_on_one_side(name, stiff):
+    """A crossing into s = 0 counts even if the last one was located at q = 0 exactly."""
+    events = [Event(FLAT[name], direction=direction) for direction in (0, 1, -1)]
+    right = np.pi * (np.arange(0 if name == "above" else 10) + 0.5)
+    oscillator = Field(lambda s: (s[1], -s[0]), "q p")
+    for rtol in (1e-6, 1e-8, 1e-9, 6e-10, 4e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12):
+        found = flow(oscillator, [1.0, 0.0], time=31, events=events, rtol=rtol, stiff=stiff).events
+        for k, times in enumerate((right, right[1::2], right[::2])):
+            np.testing.assert_allclose(found.time[found.which == k], times, atol=1e3 * rtol)
+
+
+@pytest.mark.parametrize("name", ["minimum", "where"])
+def test_an_action_that_leads_to_a_flat_side(name):
+    events = [Event(FLAT[name]), Event(times=[1.0], to=lambda s: (0.75, s[1]))]
+    found = flow(Field(lambda s: (-1.0, 0.0), "x v"), [0.5, 0.0], time=4, events=events).events
+    np.testing.assert_allclose(found.time, [0.5, 1.0, 1.0, 1.75], rtol=1e-14)
+    assert found.which.tolist() == [0, 1, 0, 0]
+
+
 @pytest.mark.parametrize("stiff", [None, True])
 def test_events_at_the_edge_of_f(rng, stiff):
     """h' = -a - b sqrt(h) has no value below 0; a tank is filled again there."""

@@ -71,6 +71,7 @@ class EventAction(NamedTuple):
     rests      True if the action itself decides whether a body that bounces comes to rest
     push       `KeyedProgram` of the direction (D) of the force on a body at rest on the surface, or
                None if it is that in which `to` moves states
+    slides     True if the surface is replaced by 0 while the solution slides along it
     """
 
     surface: Program | None
@@ -80,6 +81,7 @@ class EventAction(NamedTuple):
     holds: int = 0
     rests: bool = False
     push: Program | None = None
+    slides: bool = False
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, such as components."""
@@ -146,6 +148,7 @@ class EventSet(NamedTuple):
     P            number of parameters
     holds        `EventAction.holds` of the events on surfaces
     rests        `EventAction.rests` of the events on surfaces
+    slides       `EventAction.slides` of the events on surfaces
 
     The part `toward` serves all surfaces. The others belong to event k; the head has tau and v:
 
@@ -167,6 +170,7 @@ class EventSet(NamedTuple):
     P: int
     holds: tuple
     rests: tuple
+    slides: tuple
 
     surfaces = property(lambda self: len(self.directions))
     count = property(lambda self: len(self.most))
@@ -218,6 +222,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False, invariants=None):
         P=P,
         holds=tuple(action.holds for action in on_surfaces),
         rests=tuple(action.rests for action in on_surfaces),
+        slides=tuple(action.slides for action in on_surfaces),
     )
 
 

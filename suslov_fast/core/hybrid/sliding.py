@@ -279,6 +279,7 @@ class SlidingEquations(_Rates):
             for s, slides in zip(self.surfaces, self.slides, strict=True):
                 if surface and same(surface[0], s):  # while the solution slides, s is rounding
                     surface = [slides.select(0.0, values.number(s)).number]
+                    action = action._replace(slides=True)
             to = x and self._with_modes([*x, *values.modes])
         surface, to = (of and KeyedProgram.of(values, of) for of in (surface, to))
         return action._replace(surface=surface, to=to, push=None)

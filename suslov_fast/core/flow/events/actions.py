@@ -119,8 +119,8 @@ def LEVEL_AFTER_ACTION(side, level, value, rate, fired, holds, t, sign):
 
 @scalar_kernel
 def CROSSED(
-    value, rate, size, rate_size, near, side, level, crossed_at, is_here, by_motion, holds, t, last,
-    sign, accepted, f_ends,
+    value, rate, size, rate_size, slopes, near, side, level, crossed_at, is_here, by_motion, holds,
+    may_be_flat, t, last, sign, accepted, f_ends,
 ):  # fmt: skip
     """Return whether a state crossed a surface `up` or `down`, and the rows of the surface.
 
@@ -140,6 +140,9 @@ def CROSSED(
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
     here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
+    # Where s is 0 all around, the side is above as in `TOUCHING_SIDE`, even if `level` is above 0.
+    is_flat = value.equals(0.0) & slopes.equals(0.0) & (may_be_flat > 0.5)
+    here = is_flat.select(1.0, here)
     # With `EventAction.holds` 2, a rate alone changes no side: s must also have passed `level`.
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
@@ -426,6 +429,8 @@ def _cross(code, k, is_there, by_motion):
     given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
     given |= {"side": line.side[place], "level": line.side[place + 1]}
     given["holds"] = text.value(float(events.holds[k]))
+    is_flat = events.flats[k] and k in events.plain and not events.slides[k]
+    given["may_be_flat"] = text.value(float(is_flat))
     crossing = code.apply(CROSSED, k, **numbers, **given)
     line.side.put_chosen(place, crossing["side"])
     line.side.put_chosen(place + 1, crossing["level"])

@@ -156,8 +156,9 @@ def _filling(make: Any, fills_all: bool) -> Callable[..., Any]:
     @functools.wraps(make)
     def function(*given: Any, **options: Any) -> Any:
         if name in _OF_NUMBERS and has_symbols(given):
-            options = {k: a for k, a in options.items() if k != "dtype"}
-            return make(*given[:1], **options).view(Symbols)
+            dtype = given[1] if len(given) > 1 else options.pop("dtype", None)
+            array = make(given[0], **options).view(Symbols)
+            return array if dtype is None else array.astype(dtype)
         array = make(*given, **options)
         fills = name in _FILLED or fills_all
         if not fills or array.dtype.char not in "dD" or array.ndim == 0:

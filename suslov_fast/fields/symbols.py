@@ -82,6 +82,12 @@ def is_complex(value: Any) -> bool:
     return isinstance(value, (complex, np.complexfloating))
 
 
+def _are_truths(values: Any) -> bool:
+    """Return True for an array of truth values and integers."""
+    entries = np.ravel(_base(values)).tolist()
+    return all(isinstance(a, int) or _is_truth(a) for a in entries)
+
+
 def _is_truth(value: Any) -> bool:
     if isinstance(value, Symbol):
         return bool(value.tracer.is_truth(value.operand))
@@ -109,6 +115,11 @@ def _rint(a: Any) -> Any:
     return np.where((up - a == 0.5) & (up % 2.0 == 1.0), up - 1.0, up)  # 2.5 becomes 2
 
 
+def _copysign(a: Any, b: Any) -> Any:
+    is_below = math.copysign(1.0, b) < 0.0 if isinstance(b, (int, float)) else b < 0.0
+    return np.where(is_below, -abs(a), abs(a))
+
+
 # Functions that are made of others, and the numbers of their operands.
 _SHORTER: dict[str, tuple[Callable[..., Any], int]] = {
     "square": (lambda a: applied("power", a, 2.0), 1),
@@ -117,7 +128,7 @@ _SHORTER: dict[str, tuple[Callable[..., Any], int]] = {
     "fmin": (functools.partial(applied, "minimum"), 2),
     "fmod": (lambda a, b: a - b * np.trunc(a / b), 2),
     "rint": (_rint, 1),
-    "copysign": (lambda a, b: np.where(b < 0.0, -abs(a), abs(a)), 2),
+    "copysign": (_copysign, 2),
     "isnan": (lambda a: a != a, 1),
     "isinf": (lambda a: abs(a) == math.inf, 1),
     "isfinite": (lambda a: abs(a) < math.inf, 1),
@@ -191,6 +202,8 @@ def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any
     if ufunc.signature is not None or is_of_user:  # NumPy computes these by methods of symbols
         return _wrapped(getattr(ufunc, method)(*map(_base, inputs), **_bases(name, kwargs)))
     function, _ = _function(name)
+    if np.dtype(kwargs.get("dtype") or float).kind in "biu" and not _are_truths(inputs[0]):
+        raise Untraceable(f"np.{name} makes integers of symbols: write np.trunc(x), without dtype")
     if method == "__call__" and not kwargs and not any(map(_is_array, inputs)):
         return function(*inputs)
     out = kwargs.get("out")
@@ -461,7 +474,7 @@ class Symbols(np.ndarray[Any, Any]):
 
     def astype(self, dtype: Any, *given: Any, **options: Any) -> Any:
         entries, kind = self.view(np.ndarray).ravel().tolist(), np.dtype(dtype).kind
-        if has_symbols(entries) and (kind in "fc" or all(map(_is_truth, entries))):
+        if has_symbols(entries) and (kind in "fc" or _are_truths(self)):
             return self + 0.0
         return super().astype(dtype, *given, **options)
 

@@ -20,6 +20,7 @@ from .layout import Layout, layout_of
 from .symbols import NotReal, Symbol, Symbols, Untraceable, applied, interpolated
 
 _OF_EARLIER = "f keeps symbols of an earlier call: compute all from x"
+_EXTREMES = "maximum minimum clip".split()
 _ARITHMETIC = "add subtract multiply divide power remainder floor_divide".split()
 
 
@@ -112,6 +113,8 @@ class Tracer:
         """Return the symbol of a function of operands; remember the function for texts."""
         if name in _ARITHMETIC and float in map(type, operands):
             _check_arithmetic(name, operands)
+        if name in _EXTREMES and any(type(a) is float and math.isnan(a) for a in operands):
+            raise Untraceable(f"a constant in {name} is NaN, and must be a number")
         if name == "power" and type(operands[0]) is int and operands[0] in self.squares:
             half = operands[1] / 2.0 if isinstance(operands[1], float) else 0.5
             if half.is_integer():

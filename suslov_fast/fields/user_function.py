@@ -20,7 +20,10 @@ from .namespaces import Names, is_copied
 from .symbols import MADE, TABLES, NoNumber, Symbols, Untraceable
 from .tracer import Tracer, components
 
-_FAILURES = TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError
+_FAILURES = (
+    TypeError, ValueError, AttributeError, LookupError, ArithmeticError, AssertionError,
+    StopIteration,
+)  # fmt: skip
 _OF_TEXT = "Field.from_equations(\"x' = v; v' = -k*x\", k=1.0) reads equations as text"
 _OF_SYMPY = "write sympy.lambdify([names], expressions), a function of all names in one list"
 # Roles of functions that return one number, or any number of them; `mass` returns a matrix, and

@@ -214,8 +214,10 @@ class Motion(States):
     @property
     def _last(self) -> tuple[Any, Any]:
         """The states and the times (...) from which another motion goes on."""
-        time = None if self.body._layout.time_variable else self._t0 + self.end
-        return self.final, time
+        if self.body._layout.time_variable:
+            return self.final, None
+        stopped = self.status == Status.STOPPED
+        return self.final, self._t0 + np.where(stopped, self.end, self.time[-1])
 
     def _repr_html_(self) -> str:
         last = self.final.reshape(-1, len(self.names)).tolist() if len(self.time) else []

@@ -461,3 +461,20 @@ def test_traces_leave_no_work_to_garbage_collection():
         assert gc.collect() == 0
     finally:
         gc.enable()
+
+
+def test_types_of_arrays_and_signs_of_zeros_are_those_of_numpy():
+    def f(y):
+        return np.copysign(y[0], -0.0), np.copysign(y[0], y[1]), np.array([y[0] > 1, 1], int).sum()
+
+    x = [2.5, -1.5, 0.0]
+    assert Field(f, 3)(x).tolist() == [*f(x)]
+    for wrong in (
+        lambda y: np.array([y[0], y[1]], dtype=int) * 1.0,
+        lambda y: np.asarray(y, int),
+        lambda y: (np.sum(y, dtype=int), y[1]),
+        lambda y: (np.maximum(y[0], np.nan), y[1]),
+        lambda y: (next(i for i in range(5) if y[0] < i), y[1]),
+    ):
+        with pytest.raises((TypeError, ValueError), match=r"^f: \w"):
+            Field(wrong, "a b")

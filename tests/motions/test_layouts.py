@@ -543,3 +543,11 @@ def test_sliding_with_time():
     close(motion.states, same.states[..., :2])
     close(motion.derivatives["x0"], same.derivatives["x0"][..., :2, :2])
     close(motion.derivatives["k"], same.derivatives["k"][..., :2])
+
+
+@pytest.mark.parametrize("times", [[1.0, 2.0], [2.0, 1.0], [-1.0, -2.0], [-2.0, -1.0]])
+def test_a_motion_goes_on_from_the_state_at_its_last_time(times):
+    """The state at time s is s**2 / 2, also if the last of `time` is not the largest."""
+    motion = flow(lambda t, y: (t,), [0.0], time=times, t0=0)
+    last = flow(lambda t, y: (t,), motion, time=1.0).final
+    assert last == pytest.approx([(times[-1] + 1) ** 2 / 2], abs=1e-12)

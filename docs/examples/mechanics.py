@@ -115,7 +115,7 @@ start = np.zeros(4 * n)
 start[: 2 * n : 2] = np.arange(1, n + 1) / n
 start[1 : 2 * n : 2] = start[: 2 * n : 2] * 0.2
 start[: 2 * n] /= np.sqrt(1.04)
-motion = flow(chain, start, time=np.linspace(0, 1.6, 9))
+motion = flow(chain, start, time=np.linspace(0, 1.6, 9), stiff=False)
 for k, state in enumerate(motion.states):
     p = np.concatenate([[[0, 0]], state[: 2 * n].reshape(n, 2)])
     axes[1, 1].plot(*p.T, color=plt.cm.viridis(k / 8), linewidth=1.2)

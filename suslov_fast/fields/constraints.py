@@ -87,7 +87,7 @@ class _Test:
         self.invariants, self.invariants_places = of.program, of.places
         self.constraints_count = self.invariants_count = of.count
         self.start = test_of_start(self)
-        self.work, self.key = len(self.start.operations), repr((self.D, self.start))
+        self.cost, self.key = len(self.start.operations), repr((self.D, self.start))
 
 
 _constraints_of = lru_cache(64)(Constraints)

@@ -137,7 +137,7 @@ def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None
     calls = vars(f).setdefault("calls", {})  # by name: the number of calls, later `by_code`
     if isinstance(function := calls.get(name, 0), int):
         calls[name] = function + 1
-        if function < _PATIENCE or f.is_dense or (name != "table" and f.work > _MOST_OPERATIONS):
+        if function < _PATIENCE or f.is_dense or (name != "table" and f.cost > _MOST_OPERATIONS):
             return None
         from ..core.flow.program_code import by_code  # here, because importing Numba takes time
 

@@ -42,7 +42,7 @@ def warn_of_size(f: Any, is_implicit: bool) -> None:
             "SciPy's solve_ivp is faster, with method='LSODA' or 'BDF' and jac=field.jacobian"
         )
         return
-    count = 0 if is_implicit or f.is_dense else len(f.f.operations)
+    count = 0 if is_implicit or f.is_dense else len(f.rates.operations)
     if count > max(_LONG, f.D**2):  # sums over all variables need D**2 operations
         checks.warn(
             f"f has {count} operations, which take about {count / 10_000:.0f} s to compile: write "
@@ -319,7 +319,7 @@ def _again(
             break
     where = first[np.isin(result.all_ends.status[first], _ENDS)]
     if len(where) and not result.is_stopped:
-        plain = _result_of(run(where, np.zeros((len(where), f.of.D)), False), starts[where])
+        plain = _result_of(run(where, np.zeros((len(where), f.of_x.D)), False), starts[where])
         ends, last = plain.all_ends, result.all_ends.t[where]
         ends.doubtful[:] = NO_DIGITS
         (lasts,) = np.nonzero(np.isnan(ends.t) | (abs(ends.t) > LATER * abs(last)))

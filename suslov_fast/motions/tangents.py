@@ -377,7 +377,7 @@ class _Run:
             return np.zeros(K, bool), np.zeros(K, np.int64)
         rows = np.concatenate([np.empty((0, 2)), *(each[:, :2] for each in engine.records)])
         trajectory, number = rows.copy().view(np.int64).T
-        at_times = trajectory[number >= self.f.hybrid.events.surfaces]
+        at_times = trajectory[number >= self.f.hybrid.events.surface_count]
         return np.bincount(trajectory, minlength=K) > 0, np.bincount(at_times, minlength=K)
 
     def _decomposed(

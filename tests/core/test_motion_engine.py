@@ -1,6 +1,7 @@
 """The engine of the motion: steps by formulas, and the same bits however they are carried out."""
 
 import itertools
+from collections import namedtuple
 from concurrent.futures import ThreadPoolExecutor
 
 import children
@@ -13,6 +14,7 @@ from suslov_fast import Field, flow
 from suslov_fast.core.expressions import numpy_evaluation
 from suslov_fast.core.flow import batch_solver, step_length, vector_functions
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
+from suslov_fast.core.flow.integrator import check_owners
 from suslov_fast.core.flow.memory import LaneState
 from suslov_fast.core.flow.rules import rule_of
 from suslov_fast.core.flow.weights import weights
@@ -149,6 +151,15 @@ def test_steps_are_those_of_the_formulas(name, stiff):
                 np.testing.assert_allclose(after, right, 1e-10, 1e-12)
                 compared += 1
     assert compared >= len(x0)
+
+
+@pytest.mark.parametrize("name", ["t", "rtol", "keeps"])
+def test_scalar_kernels_find_each_number_in_one_record(name):
+    """A row of the work would be hidden by a row of the line, or by a number of all lanes."""
+    _, f, _ = case("two sets")[0]._right_hand_sides[0]
+    own = batch_solver.integrator_of(f, LaneState.EXPLICIT, batch_solver.Settings(1e-6))
+    with pytest.raises(AssertionError, match=name):
+        check_owners(own.rows, namedtuple("Rows", [*own.work._fields, name])(*own.work, 0))
 
 
 def test_few_steps_are_refused():

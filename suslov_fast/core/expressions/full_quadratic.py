@@ -20,7 +20,7 @@ class DenseRightHandSide(RightHandSide):
         self.D, self.P = D, D * (1 + D + D * D)
         self.table = range(self.P)
         self.pattern = [(i, j) for i in range(D) for j in range(D)]
-        self.key, self.work = f"dense {D}", D * D * D
+        self.key, self.cost = f"dense {D}", D * D * D
 
     def table_of(self, parameters):
         """Return the table (P, ...) of all coefficients: a copy of the parameters (P, ...)."""

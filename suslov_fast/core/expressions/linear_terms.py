@@ -29,7 +29,7 @@ def coefficients(f, table):
             return {(): np.array([[a], [abs(a)]])}
         return terms.setdefault(a, {(a,): np.ones((2, 1))})
 
-    for name, number, operands in f.f.operations:
+    for name, number, operands in f.rates.operations:
         parts = [of(a) for a in operands]
         if name == "fadd":
             terms[number] = _sum(parts)
@@ -41,7 +41,7 @@ def coefficients(f, table):
             terms[number] = {key: c / parts[1][()] for key, c in parts[0].items()}
         elif name == "fdiv":
             terms[number] = _product(parts[0], {((operands[1], "inverse"),): np.ones((2, 1))})
-    rows = [of(a) for a in f.f.results]
+    rows = [of(a) for a in f.rates.results]
     keys = [*dict.fromkeys(key for row in rows for key in row)]
     both = np.zeros((2, len(table), f.D, len(keys)))
     for i, row in enumerate(rows):

@@ -33,7 +33,7 @@ def with_frame(f, moving):
     first = D + n * n + n
     values = Expressions(first + len(f.table), range(first, first + len(f.table)))
     known = {i: i for i in range(D)} | {a: first + k for k, a in enumerate(f.table)}
-    results = emitted(values, united((f.f, f.derivative)), known)
+    results = emitted(values, united((f.rates, f.derivative)), known)
     of_x, entries = results[:D], results[D:]
     place = {i: k for k, i in enumerate(moving)}
     slopes = {
@@ -52,10 +52,8 @@ def with_frame(f, moving):
     of_Q = _product(emit, Q, S, n)
     rates = [of_Q.get((i, j), 0.0) for i in rows for j in rows]
     results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in rows)]
-    kept = range(first, first + len(f.table))
-    frame = RightHandSide(values, results, len(f.table), kept=kept)
-    frame.is_written = False
-    return frame
+    table = range(first, first + len(f.table))
+    return RightHandSide(values, results, len(f.table), table=table, is_written=False)
 
 
 def _product(emit, a, b, n):

@@ -79,7 +79,7 @@ def _colours(reads):
 
 def _work(f, components):
     """Return about how many operations the rates of `components` of a `RightHandSide` f take."""
-    operations = needed_for(f.f.operations, [f.f.results[i] for i in components])
+    operations = needed_for(f.rates.operations, [f.rates.results[i] for i in components])
     return sum(_FUNCTION if name in OF_LISTS else 1 for name, *_ in operations)
 
 
@@ -99,7 +99,7 @@ _ROOTS = "sqrt", "log", "pow", "hypot"
 def _kinds(f):
     """Return {number: `_Kind`} of values of f, or None if f may change unseen between points."""
     kinds = {i: _Kind(1) for i in range(f.D)}
-    for name, number, operands in f.f.operations:
+    for name, number, operands in f.rates.operations:
         of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
         kind = _kind_of(name, of)
         if kind is None:
@@ -136,5 +136,5 @@ def _kind_of(name, of):
 
 
 def _has_quotient(f, components, kinds):
-    results = [f.f.results[i] for i in components]
+    results = [f.rates.results[i] for i in components]
     return any(type(a) is int and kinds.get(a, _STILL).has_quotient for a in results)

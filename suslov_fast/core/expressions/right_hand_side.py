@@ -21,7 +21,8 @@ class Hybrid(NamedTuple):
 
     Properties answer questions:
 
-    acts         True if events act on motions, or record them; they have `event_surfaces` surfaces
+    acts         True if events act on motions, or record them
+    event_surface_count  how many surfaces events have
     chooses      True if f has branches, which are chosen when a motion begins and where it crosses
                  a surface
     jumps        True if f jumps at some of these surfaces; at `kinks`, by their kinds, it bends
@@ -33,7 +34,7 @@ class Hybrid(NamedTuple):
     branches     `Branches` of f, or None
     branch_program  `Program` that finds the branches at a state, see `branches._choices`
     derived      `Program` of the numbers of f's table that depend on branches
-    watched      `Program` of the surfaces with crossings that end steps
+    surfaces     `Program` of the functions s of surfaces with crossings that end steps
     watch, double_crossings, aim  programs that find crossings, see the functions of these names
     offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
     """
@@ -42,21 +43,21 @@ class Hybrid(NamedTuple):
     branches: Any = None
     branch_program: Program | None = None
     derived: Program | None = None
-    watched: Program | None = None
+    surfaces: Program | None = None
     watch: Program | None = None
     double_crossings: Any = None
     aim: Any = None
     offsets: Any = {}  # noqa: RUF012  (never changed)
 
     acts = property(lambda self: self.events is not None)
-    event_surfaces = property(lambda self: self.events.surfaces if self.acts else 0)
+    event_surface_count = property(lambda self: self.events.surface_count if self.acts else 0)
     chooses = property(lambda self: self.branches is not None)
     jumps = property(lambda self: self.chooses and self.branches.jumps > 0)
     ends_steps = property(lambda self: self.watch is not None)
 
     @property
     def kinks(self):
-        surfaces = self.branches.surfaces if self.chooses else ()
+        surfaces = self.branches.conditions if self.chooses else ()
         return [surface.kind for surface in surfaces if not surface.jumps]
 
     def parameters(self, P):
@@ -71,7 +72,7 @@ class RightHandSide:
     `fixed`, are carried out once for a run, in NumPy. Other programs read a table of parameters and
     results of `fixed`: `table` has their numbers, and `places` is {number: place in the table}.
 
-    f            `Program` of the D rates
+    rates        `Program` of the D rates
     derivative   `Program` of f' alone; its results are the entries at the places (i, j) in `linked`
     products     `products_in` f. If there are some, `derivative` has rows i for `height` values:
                  first the operands of products, then f. j is a component or an entry of a product
@@ -80,80 +81,80 @@ class RightHandSide:
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
-    denominators  numbers of values of `f` that change sign at poles, see `_signs_of_poles`
-    surfaces     `Program` of the functions s of surfaces at which steps end, then of the shifts q
-                 of tables (functions of parameters, see `Branches.shifts`)
+    denominators  numbers of values of `rates` that change sign at poles, see `_signs_of_poles`
+    surface_values  `Program` of the functions s of surfaces at which steps end, then of the shifts
+                 q of tables (functions of parameters, see `Branches.shifts`)
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
                  j = D, ... are the parameters `by`
     projection   `Program` of the projection of a state onto invariants (constraints, then first
                  integrals), or None; `levels` is the `Program` of their values, 0 for constraints;
                  `regular` tests the constraints along a step, and `start` at its begin
     longest      operand of the longest step, a function of parameters, see `pulses`
-    of, columns  f and 0; in a `Variational`, the right-hand side of x and the number of columns
+    of_x, columns  f and 0; in a `Variational`, the right-hand side of x and how many columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
-    hybrid       `Hybrid`, which the module `hybrid.branches` sets
+    hybrid       `Hybrid`; only a `branches.HybridRightHandSide` has surfaces and events
     """
 
-    is_written = True
+    is_dense, columns, hybrid = False, 0, Hybrid()
+    invariants_count = constraints_count = positions = 0
+    of_x = property(lambda self: self)
+    entries = property(lambda self: len(self.pattern))
 
     def __init__(
-        self, values, results, P=0, by=(), surfaces=(), jumps=0, kept=(), invariants=NOTHING
-    ):
+        self, values, results, P=0, by=(), *, surface_values=(), jumps=0, table=(),
+        invariants=NOTHING, is_written=True,
+    ):  # fmt: skip
         """Plan f with the D rates `results`, operands in the `Expressions` `values`.
 
-        `by` are the numbers of parameters to differentiate f by. `surfaces` are other operands to
-        evaluate; the first `jumps` of them are differentiated, too. The table begins with the
-        values that have the numbers `kept`.
+        `by` are the numbers of parameters to differentiate f by. `surface_values` are other
+        operands to evaluate; the first `jumps` of them are differentiated, too. f's table begins
+        with the values that have the numbers `table`.
         """
         D, fixed, of_f = len(results), values.fixed, [*values.operations]
-        self.D, self.P, self.products = D, P, products_in(of_f)
+        self.D, self.P, self.products, self.is_written = D, P, products_in(of_f), is_written
         wanted = [*(a for _, of, _ in self.products for a in of), *results]
         self.height = len(wanted)
-        kept_values, constraints, self.positions = invariants
-        differentiated = [*wanted, *surfaces[:jumps], *kept_values]
+        of_invariants, constraints, self.positions = invariants
+        differentiated = [*wanted, *surface_values[:jumps], *of_invariants]
         rows = gradients(values, of_f, differentiated, D, by)
-        slopes, of_surfaces = rows[: self.height], rows[self.height : self.height + jumps]
-        of_invariants = [
+        slopes, at_surfaces = rows[: self.height], rows[self.height : self.height + jumps]
+        at_invariants = [
             {j: a for j, a in row.items() if j < D} for row in rows[self.height + jumps :]
         ]
         self.by = [row.pop(p, 0.0) for p in by for row in slopes]
         self.linked = [(i, j) for i, row in enumerate(slopes) for j in sorted(row)]
         place = {p: D + k for k, p in enumerate(by)} | {j: j for j in range(D)}
-        of_surfaces = [{place[j]: a for j, a in row.items() if j in place} for row in of_surfaces]
-        self.slope_places = [(k, j) for k, row in enumerate(of_surfaces) for j in row]
+        at_surfaces = [{place[j]: a for j, a in row.items() if j in place} for row in at_surfaces]
+        self.slope_places = [(k, j) for k, row in enumerate(at_surfaces) for j in row]
 
         def program_of(results, others=()):
             varying = [operation for operation in values.operations if operation[1] not in fixed]
             return Program(needed_for(varying, [*results, *others]), results)
 
-        self.f = program_of([*results])
+        self.rates = program_of([*results])
         self._find_properties(values)
-        self.longest = longest_step(values, self.f, self.steady)
-        self.f = program_of(self.f.results, self.denominators)
-        self.with_denominators = Program(self.f.operations, [*results, *self.denominators])
+        self.longest = longest_step(values, self.rates, self.steady)
+        self.rates = program_of(self.rates.results, self.denominators)
+        self.with_denominators = Program(self.rates.operations, [*results, *self.denominators])
         self.derivative = program_of([slopes[i][j] for i, j in self.linked])
-        self.surfaces, self.of_parameters = program_of([*surfaces]), program_of(self.by)
-        self.slopes = program_of([a for row in of_surfaces for a in row.values()])
-        self.invariants_count, self.constraints_count = len(kept_values), constraints
-        self.invariants_places = [(k, j) for k, row in enumerate(of_invariants) for j in row]
-        entries = [of_invariants[k][j] for k, j in self.invariants_places]
-        self.invariants = program_of([*kept_values, *entries])
-        self.levels = program_of([*[0.0] * constraints, *kept_values[constraints:]])
-        programs = self.f, self.derivative, self.surfaces, self.of_parameters, self.slopes
-        programs += (self.invariants,) * bool(kept_values)
+        self.surface_values = program_of([*surface_values])
+        self.of_parameters = program_of(self.by)
+        self.slopes = program_of([a for row in at_surfaces for a in row.values()])
+        self.invariants_count, self.constraints_count = len(of_invariants), constraints
+        self.invariants_places = [(k, j) for k, row in enumerate(at_invariants) for j in row]
+        entries = [at_invariants[k][j] for k, j in self.invariants_places]
+        self.invariants = program_of([*of_invariants, *entries])
+        self.levels = program_of([*[0.0] * constraints, *of_invariants[constraints:]])
+        programs = self.rates, self.derivative, self.surface_values, self.of_parameters, self.slopes
+        programs += (self.invariants,) * bool(of_invariants)
         used = [a for each in programs for _, _, of in each.operations for a in of]
         used += [a for each in programs for a in each.results] + [self.longest]
-        used = [*kept, *(a for a in used if type(a) is int and a in fixed)]
+        used = [*table, *(a for a in used if type(a) is int and a in fixed)]
         self.table = [*dict.fromkeys(used)]
         self.places = {number: place for place, number in enumerate(self.table)}
         both = fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
-
-    is_dense, columns, hybrid = False, 0, Hybrid()
-    of = property(lambda self: self)
-    invariants_count = constraints_count = positions = 0
-    entries = property(lambda self: len(self.pattern))
 
     @cached_property
     def projection(self):
@@ -168,9 +169,9 @@ class RightHandSide:
         return test_of_start(self)
 
     @cached_property
-    def work(self):
+    def cost(self):
         """About how many operations f takes."""
-        return len(self.f.operations) + sum(each[0].matrix.size for each in self.products) + 16
+        return len(self.rates.operations) + sum(each[0].matrix.size for each in self.products) + 16
 
     @cached_property
     def pattern(self):
@@ -197,11 +198,11 @@ class RightHandSide:
     @cached_property
     def key(self):
         """A text that is different for right-hand sides with different machine code."""
-        lists = self.f, self.fixed, self.derivative, self.linked
-        lists += self.slopes, self.slope_places, self.surfaces, self.denominators
+        lists = self.rates, self.fixed, self.derivative, self.linked
+        lists += self.slopes, self.slope_places, self.surface_values, self.denominators
         lists += self.of_one_sign, self.steady
         lists += (self.projection, self.levels) if self.projection else ()
-        columns = () if self.of is self else (self.columns, self.has_trace, self.of.key)
+        columns = () if self.of_x is self else (self.columns, self.has_trace, self.of_x.key)
         return repr((self.D, self.table, *self.hybrid, *lists, columns))
 
     def _find_properties(self, values):
@@ -209,11 +210,11 @@ class RightHandSide:
         # For each value the components that it depends on, as bits, and the components that make it
         # 0 if they are 0.
         of, factors = {i: 1 << i for i in range(self.D)}, {i: 1 << i for i in range(self.D)}
-        for instruction, number, operands in self.f.operations:
+        for instruction, number, operands in self.rates.operations:
             numbers = [0 if isinstance(a, float) else of.get(a, 0) for a in operands]
             of[number] = functools.reduce(int.__or__, numbers, 0)
             factors[number] = _common_factors(instruction, operands, factors, self.D)
-        results = [*enumerate(self.f.results)]
+        results = [*enumerate(self.rates.results)]
         self.reads = [0 if isinstance(a, float) else of.get(a, 0) for _, a in results]
         self.steady = [i for i, a in results if values.is_fixed(a) and a != 0.0]
         self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in self.reads)]
@@ -221,9 +222,9 @@ class RightHandSide:
             i for i, a in results if not isinstance(a, float) and factors.get(a, 0) >> i & 1
         ]
         clocks = sum(1 << i for i in self.clocks)
-        varying = ((number, *of_) for name, number, of_ in self.f.operations if name == "fdiv")
+        varying = ((number, *of_) for name, number, of_ in self.rates.operations if name == "fdiv")
         quotients = [q for q in varying if (mask := of.get(q[2], 0)) and not mask & ~clocks]
-        self.denominators = _signs_of_poles(values, self.f, quotients) if quotients else []
+        self.denominators = _signs_of_poles(values, self.rates, quotients) if quotients else []
 
     def table_of(self, parameters):
         """Return the table (n, ...), the numbers that f and f' read, for parameters (P, ...)."""
@@ -237,11 +238,11 @@ class RightHandSide:
 
     def value(self, x, table):
         """Return f (D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
-        return self._at("f", x, table)
+        return self._at(self.rates, x, table)
 
     def jacobian(self, x, table):
         """Return f' (D, D, ...) at states x (D, ...), for a `table` (n, ...) from `table_of`."""
-        return self.matrix_of(self._at("derivative", x, table))
+        return self.matrix_of(self._at(self.derivative, x, table))
 
     def matrix_of(self, entries):
         """Return f' (D, D, ...) from the results of `derivative`."""
@@ -254,11 +255,11 @@ class RightHandSide:
             matrix[place] = entry
         return matrix
 
-    def _at(self, name, x, table):
-        """Return results of the program `name`, "f" or "derivative", at states x for a table."""
+    def _at(self, program, x, table):
+        """Return results of a `Program` of f at states x (D, ...), for a table (n, ...)."""
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         given = dict(zip([*range(self.D), *self.table], [*x, *table], strict=True))
-        return results_at(getattr(self, name), given, shape)
+        return results_at(program, given, shape)
 
 
 def _signs_of_poles(values, f, quotients):

@@ -18,10 +18,10 @@ class Variational(RightHandSide):
     If f has products of dense matrices, s' is 0, and s is of no use.
     """
 
-    of = None
+    of_x = None
 
     def __init__(self, f, columns, has_trace=False):
-        self.of, self.columns, self.has_trace = f, columns, has_trace
+        self.of_x, self.columns, self.has_trace = f, columns, has_trace
         self.q = len(f.by) // f.height
         D, P = f.D, len(f.table) + self.q
         n = D * (1 + columns) + 2 * has_trace
@@ -43,7 +43,7 @@ class Variational(RightHandSide):
         if has_trace:  # u' = 0 and s' = u trace f'; s' = 0 if f has products of matrices
             diagonal = [row[i] for i, row in enumerate(rows) if i in row and not f.products]
             rates += [0.0, dot(values.emit, [(n - 2, a) for a in diagonal]) or 0.0]
-        super().__init__(values, rates, P, kept=table)
+        super().__init__(values, rates, P, table=table)
         # These depend on x alone, not on the columns.
         self.clocks, self.steady, self.of_one_sign = f.clocks, f.steady, f.of_one_sign
         self.longest, self.hybrid = f.longest, f.hybrid
@@ -51,8 +51,8 @@ class Variational(RightHandSide):
         if f.invariants_count:
             self.projection, self.levels, self.regular = f.projection, f.levels, f.regular
         self.denominators = poles
-        self.f = Program(values.operations, self.f.results)
-        self.with_denominators = Program(self.f.operations, [*self.f.results, *poles])
+        self.rates = Program(values.operations, self.rates.results)
+        self.with_denominators = Program(self.rates.operations, [*self.rates.results, *poles])
 
     def table_of(self, table, scales=()):
         """Return the table (n, ...): first the table of f, then the scales (q, ...)."""
@@ -61,7 +61,7 @@ class Variational(RightHandSide):
 
     def table_with(self, parameters, table):
         """Return the table (n, ...) for new parameters of f; scales are from the old `table`."""
-        return self.table_of(self.of.table_of(parameters), table[len(self.of.table) :])
+        return self.table_of(self.of_x.table_of(parameters), table[len(self.of_x.table) :])
 
 
 variational = functools.lru_cache(64)(Variational)

@@ -168,7 +168,7 @@ def counted_from_start(f, table, x0):
     starts = x0[:, [*f.hybrid.offsets]]
     if not np.count_nonzero(starts):
         return table, x0, None
-    own, x0 = f.of, x0.copy()
+    own, x0 = f.of_x, x0.copy()
     count = f.hybrid.parameters(own.P)  # branches have the places from `count` on
     if f is own and len(x0) == 1:  # NumPy would take ten times as long
         given = np.zeros(own.P)
@@ -216,7 +216,7 @@ class BatchSolver:
         B, settings = len(x0), request.settings
         self.f, self.states, self.request = f, states, request
         self.begins_lost = lost is not None
-        self.lost = np.zeros((B, f.of.D)) if lost is None else lost
+        self.lost = np.zeros((B, f.of_x.D)) if lost is None else lost
         self.is_relative = bool(np.any(self.lost < 0.0))
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.times = np.concatenate([request.times, NO_TIMES])
@@ -281,7 +281,7 @@ class BatchSolver:
             # The mark RELATIVE (`lost` < 0) of a component holds for its columns, other `lost` not.
             of_all = np.hstack([lost, *[np.minimum(lost, 0.0)] * self.f.columns])
             found[:, rows.lost : rows.lost + of_all.shape[1]] = of_all
-            found[:, rows.watches] = lost.max(axis=1, initial=0.0)
+            found[:, rows.most_lost] = lost.max(axis=1, initial=0.0)
         if self.event_times is not None:
             first = self.event_times[block if len(self.event_times) > 1 else slice(None), 0]
             found[:, rows.stop], found[:, rows.stop_which] = first.T
@@ -304,7 +304,7 @@ class BatchSolver:
         self.t[block], self.state[block] = t, state
         for name, column in self.columns.items():
             column[block] = flat[:, getattr(rows, COLUMNS[name][0])]
-        self.doubtful[block] = (flat[:, rows.watches] == inf) & (state != LaneState.AGAIN)
+        self.doubtful[block] = (flat[:, rows.most_lost] == inf) & (state != LaneState.AGAIN)
         if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
             self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
         if self.event_times is not None:
@@ -361,7 +361,7 @@ class StepRunner:
     def use(self, integrator):
         """Let `take` take steps with this integrator, in a workspace of its own."""
         if integrator not in self.known:
-            work, budget = zeros(integrator.work.size, self.W), max(BUDGET // integrator.f.work, 1)
+            work, budget = zeros(integrator.work.size, self.W), max(BUDGET // integrator.f.cost, 1)
             code = code_of(integrator, self.W, self.for_each)
             self.known[integrator] = work, address_of(work), code, budget
         self.integrator = integrator

@@ -31,7 +31,7 @@ class FunctionCode:
 class StepCode(FunctionCode):
     """Arrays and operations of a function that takes steps of lines, SIMD packs of W lanes.
 
-    of        the arguments of the code, see `CodeArguments`
+    loaded    the arguments of the code as it began, see `CodeArguments`
     line      an array for each part of `memory.rows_of_trajectory`
     work      an array for each part of `memory.rows_of_work`
     table     the address of the table
@@ -39,10 +39,10 @@ class StepCode(FunctionCode):
 
     def __init__(self, text, integrator, name, for_each):
         self.arguments = Integers(text, "%arguments")
-        self.of = CodeArguments(*(self.arguments[k] for k in SLOT))
-        super().__init__(text, integrator, name, for_each, self.of.work)
+        self.loaded = CodeArguments(*(self.arguments[k] for k in SLOT))
+        super().__init__(text, integrator, name, for_each, self.loaded.work)
         self.line = text.arrays(self.work.line.at(), integrator.rows)
-        self.table = self.work.table.at() if for_each else self.of.table
+        self.table = self.work.table.at() if for_each else self.loaded.table
 
     def has_trajectories(self):
         """Return True if any lane has a trajectory: the row `own` is 0 in lanes without one."""
@@ -52,7 +52,7 @@ class StepCode(FunctionCode):
 
     def columns(self, x, f, count):
         """Write the ends of the first `count` columns, minus x, to `work.ends`; f is f(x)."""
-        self.text.invoke(f"{self.name}_columns", x, f, self.table, self.of.work, count)
+        self.text.invoke(f"{self.name}_columns", x, f, self.table, self.loaded.work, count)
 
     @property
     def mode(self):
@@ -61,7 +61,7 @@ class StepCode(FunctionCode):
 
     def number(self, name):
         """Return the number `name`, such as "rtol", of `SharedNumbers`, which all lanes share."""
-        found, f = Shared(self.text, self.of.numbers)[getattr(NUMBER, name)], self.f.of
+        found, f = Shared(self.text, self.loaded.numbers)[getattr(NUMBER, name)], self.f.of_x
         if name != "longest" or f.longest == inf:
             return found
         table = self.text.array(self.table) if self.for_each else Shared(self.text, self.table)
@@ -71,7 +71,7 @@ class StepCode(FunctionCode):
 
     def component(self, name, i):
         """Return the number `name`, such as "keeps", of component i in `ComponentNumbers`."""
-        return Shared(self.text, self.of.components, getattr(COMPONENT, name) * self.D)[i]
+        return Shared(self.text, self.loaded.components, getattr(COMPONENT, name) * self.D)[i]
 
     def apply(self, kernel, i=0, **inputs):
         """Apply a scalar kernel to component i; return {name: result}.
@@ -124,8 +124,8 @@ class StepCode(FunctionCode):
 
         A sum over steps would add up rounding.
         """
-        rates = one.array(self.line.f.at() + offset)
-        sign = Shared(one, self.of.numbers)[NUMBER.sign]
+        rates = one.array(self.line.f_x.at() + offset)
+        sign = Shared(one, self.loaded.numbers)[NUMBER.sign]
         for clock in self.f.hybrid.offsets:
             to[clock] = rates[clock] * (sign * time)
 

@@ -66,7 +66,7 @@ def save_between(code):
     _test(code)
     for now in code.text.rounds(Carried()):
         n = code.integrator.rule.nodes
-        v = float(n) * ((code.line.next[0] - code.work.t[0]) / code.work.taken[0])
+        v = float(n) * ((code.line.next[0] - code.work.began[0]) / code.work.taken[0])
         _put_between(code, weights_at(v, n))
         project(code, code.work.start)
         save(code, _passed(code, Value.__gt__).bits(), code.work.start)
@@ -132,7 +132,7 @@ def _find_nodes(code):
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
     factors = factors[: FEW + 1]
 
-    x, f = line.x, line.f
+    x, f = line.x, line.f_x
     for k in range(n - 1):
         code.columns(x, f, count)
         node = work.nodes.after(2 * k * D)
@@ -140,9 +140,9 @@ def _find_nodes(code):
             ends = code.of_columns(work.ends, i)[: FEW + 1]
             ends[FEW] = needs.select(ends[FEW], 0.0)  # not computed if no lane needs this column
             node[i] = x[i] + weighted(factors, ends)
-        code.call("f", node, code.table, work.f)
+        code.call("f", node, code.table, work.f_start)
         x, f = node, node.after(D)
-        text.copy(work.f, f, D)
+        text.copy(work.f_start, f, D)
 
 
 def _test(code):
@@ -154,19 +154,19 @@ def _test(code):
         both = weights_at(complex(v, 2.0**-60), n)  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
         _put_between(code, [[weight.real for weight in each] for each in both])
         of_slope = [[weight.imag * 2.0**60 for weight in each] for each in both]
-        code.call("f", work.start, code.table, work.f)
+        code.call("f", work.start, code.table, work.f_start)
         for i in text.each(D, sums):
-            defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f[i])
+            defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f_start[i])
             sums.ratio = larger_of(OF_DEFECT * defect * work.inverse[i], sums.ratio)
-            sums.total = sums.total + (abs(work.f[i]) + defect)
-    taken, length = work.taken[0], line.next[0] - work.t[0]
+            sums.total = sums.total + (abs(work.f_start[i]) + defect)
+    taken, length = work.taken[0], line.next[0] - work.began[0]
     is_right = (sums.ratio <= 1.0) | (taken - length <= AT_END * taken)
     fails = _passed(code, Value.__gt__) & ~(is_right & (sums.total < inf))
     with text.when(fails.any(), likely=False):
         # A very short step would be followed by others that are too short. So it is a step aside.
-        is_short = length <= larger_of(AT_END * taken, NEARLY * work.t[0])
+        is_short = length <= larger_of(AT_END * taken, NEARLY * work.began[0])
         again = {"wanted": is_short.select(taken, length), "second": inf}
-        again |= {"t": work.t[0], "steps": line.steps[0] - 1.0}
+        again |= {"t": work.began[0], "steps": line.steps[0] - 1.0}
         again |= {"state": float(LaneState.EXPLICIT), "longer": AFTER_REFUSED}
         code.keep(line, again, fails)
         work.accepted.choose(fails, 0, 0.0)
@@ -178,7 +178,7 @@ def _between(code, weights, i):
     nodes = [work.nodes.after(2 * k * D) for k in range(code.integrator.rule.nodes - 1)]
     x, (of_states, of_rates) = line.x[i], weights
     states = [state[i] - x for state in (*nodes, work.new)]
-    rates = [rate[i] for rate in (line.f, *(node.after(D) for node in nodes), work.f_new)]
+    rates = [rate[i] for rate in (line.f_x, *(node.after(D) for node in nodes), work.f_new)]
     return weighted(of_states, states) + work.signed[0] * weighted(of_rates, rates)
 
 
@@ -194,7 +194,7 @@ def _put_between(code, weights):
 
 def save(code, bits, states):
     """Save rows `states` at the next time, in lanes with bit 1 in `bits`; set their next times."""
-    text, of, rows = code.text, code.of, code.integrator.rows
+    text, loaded, rows = code.text, code.loaded, code.integrator.rows
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
         line = one.arrays(code.line.x.at() + offset, rows)
@@ -202,13 +202,13 @@ def save(code, bits, states):
         place_at = Integers(text, line.place.at())
         place = place_at[0]
         trajectory = Integers(text, line.trajectory.at())[0]
-        to = of.states + place * of.state_bytes
+        to = loaded.states + place * loaded.state_bytes
         to = to + trajectory * (8 * code.D)
         for i in text.each(code.D):
             Shared(one, to)[i] = one.array(of_work, states.first)[i]
         code.put_clocks(one, offset, line.next[0], Shared(one, to))
         following = place + 1
         place_at[0] = following
-        times = Shared(one, of.times)
+        times = Shared(one, loaded.times)
         line.next[0], line.second[0] = times[following], times[following + 1]
         line.tries[0] = 0.0

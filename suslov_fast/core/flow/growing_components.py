@@ -116,7 +116,7 @@ def _some(code, i):
 
 def _lost(
     x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, damps, lost, reads,
-    watches, near, doubts, *, loses,
+    most_lost, near, doubts, *, loses,
 ):  # fmt: skip
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
@@ -147,7 +147,7 @@ def _lost(
     grows = grows & (abs(new) >= abs(x)) & (lost > PART * many * rtol)
     is_near = grows | ((damps > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
     return {
-        "watches": larger(lost, watches),
+        "most_lost": larger(lost, most_lost),
         "near": is_near.select(1.0, near),
         "doubts": ((reads > 0.0) & (lost > many * rtol)).select(1.0, doubts),
         "lost": lost,
@@ -175,8 +175,8 @@ def FED(new, f_new, fed, signed, lost, changes, left):
 
 
 @scalar_kernel
-def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watches, grows, below):
-    """Return `lost` and its maximum `watches`; for an alarm these are RELATIVE and infinity.
+def ALARMS(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, most_lost, grows, below):
+    """Return `lost` and its maximum `most_lost`; for an alarm these are RELATIVE and infinity.
 
     `grows` and `below` are about components that are smaller than their allowed errors: `grows`
     becomes 1 if such a component has lost digits and grows by itself by more than exp(LONG) in this
@@ -189,7 +189,7 @@ def WATCHES(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, watche
     is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) > LONG * abs(new))
     return {
         "lost": is_grown.select(RELATIVE, lost),
-        "watches": is_grown.select(inf, larger(lost, watches)),
+        "most_lost": is_grown.select(inf, larger(lost, most_lost)),
         "grows": is_fast.select(1.0, grows),
         "below": (size < 1.0).select(larger(lost, below), below),
     }
@@ -221,10 +221,11 @@ def RAISED(before, new, some, lost):
 def find_alarms(code):
     """Update `lost` in lanes where the row `alerts` is 1, and find alarms."""
     text, line, work = code.text, code.line, code.work
-    found = Carried(watches=0.0, near=0.0, doubts=0.0)
-    reads = text.constants([float(i in code.integrator.read_by_events) for i in range(code.f.of.D)])
+    found = Carried(most_lost=0.0, near=0.0, doubts=0.0)
+    of_events = code.integrator.read_by_events
+    reads = text.constants([float(i in of_events) for i in range(code.f.of_x.D)])
     looks = work.alerts[0] > 0.0
-    for i in text.each(code.f.of.D, found):
+    for i in text.each(code.f.of_x.D, found):
         some = _some(code, i)
         inputs = {"some": some, "damps": float(code.integrator.rule.damps), "reads": reads[i]}
 
@@ -236,17 +237,17 @@ def find_alarms(code):
         x, new, error, lost = line.x[i], work.new[i], work.error[i], line.lost[i]
         concerns = (lost > 0.0) | _loses(x, new, error, some, lost)
         values = text.otherwise(~concerns.any(), [*vars(found).values()], update)
-        found.watches, found.near, found.doubts = values
-    line.watches.choose(looks, 0, found.watches)
+        found.most_lost, found.near, found.doubts = values
+    line.most_lost.choose(looks, 0, found.most_lost)
     near, doubts = looks & (found.near > 0.0), looks & (found.doubts > 0.0)
     looks = near | doubts
     with text.when(looks.any(), likely=False):
         _look(code, looks)
-        near = near & (line.watches[0] > 0.0)
+        near = near & (line.most_lost[0] > 0.0)
         with text.when(near.any()):
             _alarm(code, near)
-        if code.integrator.read_by_events:
-            doubts = doubts & (line.watches[0] > 0.0)
+        if of_events:
+            doubts = doubts & (line.most_lost[0] > 0.0)
             with text.when(doubts.any()):
                 _doubt(code, doubts, reads)
 
@@ -254,42 +255,39 @@ def find_alarms(code):
 def _doubt(code, looks, reads):
     """Raise the alarm in lanes `looks` where an event hangs on components without digits."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    least, count, points = (
-        code.number("many") * code.number("rtol"),
-        integrator.surfaces,
-        work.points,
-    )
+    least = code.number("many") * code.number("rtol")
+    count, points = integrator.surface_count, work.points
     text.copy(work.new, work.start, code.D)
-    for i in text.each(code.f.of.D):
+    for i in text.each(code.f.of_x.D):
         work.start[i] = (line.lost[i] > least).select(0.0, work.new[i])
     code.call("surfaces", work.new, code.table, points)
     code.call("surfaces", work.start, code.table, points.after(count))
     hangs = text.value(0.0) > 0.0
     for k in integrator.events.plain:
-        k += count - integrator.event_surfaces
+        k += count - integrator.event_surface_count
         s, other = points[k], points[count + k]
         hangs = hangs | ~(abs(other - s) <= 0.5 * abs(s))
     looks = looks & hangs
-    for i in text.each(code.f.of.D):
+    for i in text.each(code.f.of_x.D):
         line.lost.choose(looks & (line.lost[i] > least) & (reads[i] > 0.0), i, RELATIVE)
-    line.watches.choose(looks, 0, inf)
+    line.most_lost.choose(looks, 0, inf)
 
 
-def watch(code, alerts, on_trial):
+def watch_digits(code, alerts, on_trial):
     """Watch components after a step: in lanes `alerts`, and where some have lost digits.
 
     Explicit steps watch lost digits in every second step, and in the last step of a solution. Their
     `alerts` do not count in lanes `on_trial`: `second_trial` has allowed these errors as rounding.
     """
     line, work, text = code.line, code.work, code.text
-    watches, accepted = line.watches[0] > 0.0, work.accepted[0] > 0.0
-    with text.when(((alerts > 0.0) | watches).any(), likely=False):
+    most_lost, accepted = line.most_lost[0] > 0.0, work.accepted[0] > 0.0
+    with text.when(((alerts > 0.0) | most_lost).any(), likely=False):
         looks = alerts > 0.0
         if not code.integrator.rule.damps:
             half = line.steps[0] * 0.5
             is_due = half.floor().equals(half) | (line.state[0] >= float(LaneState.DONE))
-            looks = (looks & (on_trial <= 0.0)) | (watches & is_due)
-        looks = looks & accepted & (line.watches[0] < inf)
+            looks = (looks & (on_trial <= 0.0)) | (most_lost & is_due)
+        looks = looks & accepted & (line.most_lost[0] < inf)
         work.alerts[0] = looks.select(1.0, 0.0)
         with text.when(looks.any()):
             text.invoke(f"{code.name}_small", code.arguments)
@@ -297,44 +295,44 @@ def watch(code, alerts, on_trial):
 
 def _look(code, looks):
     """Find which components others feed (`FED`), in lanes `looks`."""
-    text, line, work, D = code.text, code.line, code.work, code.f.of.D
+    text, line, work, D = code.text, code.line, code.work, code.f.of_x.D
     text.copy(work.new, work.start, code.D)
     for now in text.rounds(Carried()):
         for i in text.each(D):
             new = work.new[i]
             work.start[i] = (line.lost[i] > 0.0).select(0.0, new)
-        code.call("f", work.start, code.table, work.f)
+        code.call("f", work.start, code.table, work.f_start)
         found = Carried(changes=0.0, left=0.0)
         for i in text.each(D, found):
-            own = code.apply(FED, i, fed=work.f[i], **vars(found))
+            own = code.apply(FED, i, fed=work.f_start[i], **vars(found))
             line.lost.choose(looks, i, own.pop("lost"))
             found.update(own)
-        line.watches.choose(looks, 0, found.left)
+        line.most_lost.choose(looks, 0, found.left)
         now.goes_on = (looks & (found.changes > 0.0) & (found.left > 0.0)).any()
 
 
 def _alarm(code, looks):
     """Raise the alarm in lanes `looks` that need it; row `f` is f with 0 for lost components."""
-    text, line, work, D = code.text, code.line, code.work, code.f.of.D
-    found = Carried(watches=0.0, grows=0.0, below=0.0)
+    text, line, work, D = code.text, code.line, code.work, code.f.of_x.D
+    found = Carried(most_lost=0.0, grows=0.0, below=0.0)
     for i in text.each(D, found):
-        own = code.apply(WATCHES, i, fed=work.f[i], **vars(found))
+        own = code.apply(ALARMS, i, fed=work.f_start[i], **vars(found))
         line.lost.choose(looks, i, own.pop("lost"))
         found.update(own)
-    line.watches.choose(looks, 0, found.watches)
+    line.most_lost.choose(looks, 0, found.most_lost)
     least = code.number("many") * code.number("rtol")
     if code.integrator.rule.damps:
-        waits = (found.watches > least) | (found.below > PART * least)
+        waits = (found.most_lost > least) | (found.below > PART * least)
     else:
-        waits = (found.watches > least) & (found.grows > 0.0)
-    waits = looks & waits & (found.watches < inf)
+        waits = (found.most_lost > least) & (found.grows > 0.0)
+    waits = looks & waits & (found.most_lost < inf)
     with text.when(waits.any(), likely=False):
         _find_group(code, waits)
 
 
 def _find_group(code, looks):
     """Raise the alarm in lanes `looks` with a group of components that would grow together."""
-    text, line, work, D = code.text, code.line, code.work, code.f.of.D
+    text, line, work, D = code.text, code.line, code.work, code.f.of_x.D
     known, group = work.start, work.a
     least = text.value(NEXT if code.integrator.rule.damps else LONG)
     for i in text.each(D):
@@ -349,7 +347,7 @@ def _find_group(code, looks):
             work.b[i] = known[i] + group[i]
         code.call("f", work.b, code.table, work.f_last)
         for i in text.each(D, sums):
-            inputs = {"value": group[i], "f": work.f_last[i], "fed": work.f[i]}
+            inputs = {"value": group[i], "f": work.f_last[i], "fed": work.f_start[i]}
             inputs |= {"least": least, "part": part}
             own = code.apply(GROWS, i, **inputs, **vars(sums))
             group.choose(now.differs > 0.0, i, own["value"])  # other lanes are done
@@ -360,7 +358,7 @@ def _find_group(code, looks):
         now.differs, now.rounds = differs.select(1.0, 0.0), now.rounds + 1.0
         now.goes_on = (differs & (now.rounds < ROUNDS)).any()
     sounds = looks & (found.grow > 0.0)
-    line.watches.choose(sounds, 0, inf)
+    line.most_lost.choose(sounds, 0, inf)
     for i in text.each(D):
         line.lost.choose(sounds & (group[i] > 0.0), i, RELATIVE)
 
@@ -368,7 +366,7 @@ def _find_group(code, looks):
 def sound(code):
     """End the trajectories of lanes that have an alarm."""
     line, acts = code.line, code.number("acts") > 0.0
-    watches = line.watches[0] > 0.0
-    with code.text.when(watches.any(), likely=False):
-        ends = line.state[0].equals(float(LaneState.ENDED)) | line.watches[0].equals(inf)
-        line.state.choose(acts & watches & ends, 0, float(LaneState.AGAIN))
+    most_lost = line.most_lost[0] > 0.0
+    with code.text.when(most_lost.any(), likely=False):
+        ends = line.state[0].equals(float(LaneState.ENDED)) | line.most_lost[0].equals(inf)
+        line.state.choose(acts & most_lost & ends, 0, float(LaneState.AGAIN))

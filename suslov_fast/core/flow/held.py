@@ -113,11 +113,11 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     integrators = [batch_solver.integrator_of(f, *each) for each in both]
     codes = [batch_solver.code_of(each, 1, f.hybrid.chooses) for each in integrators]
     of_again = codes[-len(modes) :]
-    of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of, TABLE)
+    of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of_x, TABLE)
     of_start, of_test = (0, 0)
-    if f.of.constraints_count:
-        of_start, of_test = code_of_program(f.of, "start")
-        of_test += f.of.D + len(f.of.table) + len(f.of.start.results)
+    if f.of_x.constraints_count:
+        of_start, of_test = code_of_program(f.of_x, "start")
+        of_test += f.of_x.D + len(f.of_x.table) + len(f.of_x.start.results)
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
     rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(f, settings, 1))
     row = np.zeros(rows.size)
@@ -139,7 +139,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     firsts = np.cumsum([0, *parts_of_memory.values()]).tolist()
     first = dict(zip([*parts_of_memory, "size"], firsts, strict=True))
     del first["arguments"]
-    pairs = [each for clock, n in f.hybrid.offsets.items() for each in (clock, n - f.of.D)]
+    pairs = [each for clock, n in f.hybrid.offsets.items() for each in (clock, n - f.of_x.D)]
     plan = Plan(
         **first,
         implicit=codes[len(modes) - 1],
@@ -150,14 +150,14 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         is_bounded=integrators[0].is_bounded,
         by_starts=f.columns - len(by),
         columns=f.columns,
-        D=f.of.D,
+        D=f.of_x.D,
         clocks=_CLOCKS + len(pairs),
         components_again=ends[0],
         numbers_again=ends[1],
         event_times=ends[2] * f.hybrid.acts,
         template=ends[3],
         size_of_record=size,
-        size_of_table=len(f.of.table) if f.of.constraints_count else 0,
+        size_of_table=len(f.of_x.table) if f.of_x.constraints_count else 0,
         t=rows.t,
         lane_state=rows.state,
         at=rows.at,

@@ -14,20 +14,20 @@ from .next_state import move
 
 def take_next(code, free):
     """Write back trajectories of lanes with bit 1 in `free`; begin the next trajectories there."""
-    text, of = code.text, code.of
+    text, loaded = code.text, code.loaded
     for offset in code.lanes_with(free):
         line, own = code.line.x.at() + offset, Integers(text, code.work.own.at() + offset)
         _write_back(code, offset)
         number = code.arguments[SLOT.following]
         own[0] = 0
-        with text.when(number < of.count):
+        with text.when(number < loaded.count):
             following = number + 1
             own[0] = following
             code.arguments[SLOT.following] = following
             size = code.integrator.rows.size
-            text.copy_numbers(of.rows + number * (8 * size), 8, line, text.size, size)
+            text.copy_numbers(loaded.rows + number * (8 * size), 8, line, text.size, size)
             if code.for_each:
-                at = of.table + number * of.table_bytes
+                at = loaded.table + number * loaded.table_bytes
                 text.copy_numbers(at, 8, code.table + offset, text.size, len(code.f.table))
     begins = code.line.state[0] < 0.0
     with text.when(begins.any()):
@@ -36,11 +36,11 @@ def take_next(code, free):
 
 def _write_back(code, offset):
     """Write rows and table of the lane at byte `offset` to its trajectory, if it has one."""
-    text, of, integrator = code.text, code.of, code.integrator
+    text, loaded, integrator = code.text, code.loaded, code.integrator
     number_plus_1 = Integers(text, code.work.own.at() + offset)[0]
-    parts = [(code.line.x.at(), of.rows, 8 * integrator.rows.size, integrator.rows.size)]
+    parts = [(code.line.x.at(), loaded.rows, 8 * integrator.rows.size, integrator.rows.size)]
     if integrator.f.hybrid.chooses:  # the code writes the branches it chooses to the table
-        parts.append((code.table, of.table, of.table_bytes, len(integrator.f.table)))
+        parts.append((code.table, loaded.table, loaded.table_bytes, len(integrator.f.table)))
     with text.when(number_plus_1.differs(0)):
         number = number_plus_1 - 1
         for source, target, size, count in parts:
@@ -53,7 +53,7 @@ def pause_if_spent(code):
     text, left = code.text, code.arguments[SLOT.budget]
     is_spent = left.equals(0)
     if code.f.hybrid.acts:  # the buffer of records may be too full for the next step
-        is_spent = is_spent | (code.arguments[SLOT.recorded] > code.of.full)
+        is_spent = is_spent | (code.arguments[SLOT.recorded] > code.loaded.full)
     with text.when(is_spent, likely=False):
         for lane in text.each(text.W):
             _write_back(code, lane * 8)
@@ -70,11 +70,11 @@ def _begin(code, begins):
     projection.keep_levels(code, begins, line.x)
     code.call("f", line.x, code.table, f_new)
     for i in text.each(code.extended):
-        line.f.choose(begins, i, f_new[i])
+        line.f_x.choose(begins, i, f_new[i])
     for i in text.each(code.D):
         line.largest.choose(begins, i, abs(line.x[i]))
         line.power_vector.choose(begins, i, 1.0)
-    sums, times = step_length.sizes_of(code, line.x, f_new), Shared(text, code.of.times)
+    sums, times = step_length.sizes_of(code, line.x, f_new), Shared(text, code.loaded.times)
     stays = code.integrator.rule.damps  # long implicit steps damp what bends the solution
     bend = 0.0 if stays else step_length.bend_of(code, line.x, f_new, sums)
     inputs = vars(sums) | {"bend": bend, "first_next": times[0], "second_next": times[1]}

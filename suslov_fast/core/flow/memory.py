@@ -30,22 +30,23 @@ BEGINS = -1.0  # in place of a `LaneState` before the first step
 
 def rows_of_trajectory(integrator):
     """Return the first row of each part of a trajectory's data, and their number, `size`."""
-    f, watched, events = integrator.f, integrator.watched, integrator.events
+    f, events = integrator.f, integrator.events
     D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
-    surfaces, actions = integrator.event_surfaces, events.count if acts else 0
+    surfaces, actions = integrator.event_surface_count, events.count if acts else 0
     return _first_rows(
         x=D,  # the state
-        f=D + len(f.denominators),  # f(x), then denominators that may not change sign
+        f_x=D + len(f.denominators),  # f(x), then denominators that may not change sign
         largest=D,  # the largest modulus of each component so far
         power_vector=D,  # the vector of the power iteration on f'
         lost=D,  # relative error of each component, or the mark RELATIVE, see `growing_components`
-        beyond=watched,  # the state after a step of length `outer`, beyond a surface
+        # The state after a step of length `outer`, beyond a surface.
+        beyond=integrator.D_of_surfaces,
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row branches of f changed again at once
         # Two rows for each surface s = 0 of an event: the side, 1 if s >= level, 0 if s < level,
         # STAYS if the state stays on the surface, `GAP` if s is NaN; then the level.
         side=2 * surfaces,
-        counts=actions,  # how often each event has acted
+        action_counts=actions,  # how often each event has acted
         acted_at=surfaces,  # when each event on a surface has acted last
         pause=surfaces,  # time between the last two actions of each event on a surface
         # When each surface was crossed last; -infinity if the action there led back, or if another
@@ -58,7 +59,7 @@ def rows_of_trajectory(integrator):
         recorded=acts,  # number of crossings that events have recorded without acting
         often=acts,  # how often in a row an event has acted again at once
         resting=acts,  # number of surfaces on which the state stays
-        levels=f.of.invariants_count,  # values of invariants that steps keep, see `projection`
+        levels=f.of_x.invariants_count,  # values of invariants that steps keep, see `projection`
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
         best=1,  # length with which the last step would have had the allowed error; 0: not known
@@ -73,7 +74,7 @@ def rows_of_trajectory(integrator):
         steps=1,  # number of accepted steps
         tries=1,  # number of steps, also refused ones, actions and records, see `step_length.COUNT`
         counted_from=1,  # time at which `step_length.COUNT` last found that the motion moves on
-        watches=1,  # the largest `lost`; infinity after an alarm, see `growing_components`
+        most_lost=1,  # the largest `lost`; infinity after an alarm, see `growing_components`
         inner=1,  # in a search for a surface: length of a step that does not cross it
         outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
         weight=1,  # Illinois rule: weight of the end at `inner`, or minus the weight at `outer`
@@ -86,10 +87,10 @@ def rows_of_trajectory(integrator):
 
 def rows_of_work(integrator):
     """Return the first row of each part of a step's workspace, and their number, `size`."""
-    f, of_x, watched = integrator.f, integrator.f.of, integrator.watched
+    f, of_x, of_surfaces = integrator.f, integrator.f.of_x, integrator.D_of_surfaces
     D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
-    extended, surfaces = D + len(f.denominators), integrator.event_surfaces
-    kept = of_x.invariants_count
+    extended, surfaces = D + len(f.denominators), integrator.event_surface_count
+    invariants = of_x.invariants_count
     of_ends = len(integrator.rule.columns) * D
     has_slopes = f.hybrid.jumps and f.columns
     in_lanes = integrator.rule.lanes
@@ -98,7 +99,7 @@ def rows_of_work(integrator):
         own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
         table=len(f.table),  # tables of the lanes, if each lane has its own
         start=D,  # a state inside a step
-        f=extended,  # f at the state `start`, then denominators that may not change sign
+        f_start=extended,  # f at the state `start`, then denominators that may not change sign
         a=D,  # a state of a column; after the last column its y_N
         b=extended,  # a second state of a column, or f at the state in `a`
         f_last=extended,  # f at y_N of the last column
@@ -114,21 +115,23 @@ def rows_of_work(integrator):
         accepted=1,  # 1 where the step is taken, else 0
         alerts=1,  # 1 where `growing_components` has to look at the step
         served=1,  # 1 where a step aside has reached its time, else 0
-        t=1,  # time before the step
+        began=1,  # time before the step
         at_surface=1,  # 1 where the step ends on a surface, or just before it, else 0
         f_ends=1,  # 1 where f has no value beyond the surface at the end of the step, else 0
         jumped=1,  # 1 where f may have jumped at the end of the step
         # Values of surfaces at the start and at POINTS, then inputs of `double_crossings`.
-        points=integrator.at_points + watched + 1,
-        point=watched,  # the state at one of the POINTS
-        quartic=of_x.D if watched else 0,  # terms of degree 4 of states in a step (`QUARTIC`)
-        moving=2 * watched + 1,  # inputs of `rates`: state at a point, its change in a step, rtol
+        points=integrator.at_points + of_surfaces + 1,
+        point=of_surfaces,  # the state at one of the POINTS
+        quartic=of_x.D if of_surfaces else 0,  # terms of degree 4 of states in a step (`QUARTIC`)
+        # Inputs of `rates`: the state at a point, its change in a step, rtol.
+        moving=2 * of_surfaces + 1,
         decision=3,  # results of `DoubleCrossings.decision`
-        end=2 * (watched + surfaces),  # inputs of `aim`: the next state, f there, sides of events
+        # Inputs of `aim`: the next state, f there, sides of events.
+        end=2 * (of_surfaces + surfaces),
         aim=3,  # results of `step_to_surface.aim_of`
-        between=2 * integrator.surfaces,  # inputs of `watch`: values of surfaces at two points
+        between=2 * integrator.surface_count,  # inputs of `watch`: values of surfaces at two points
         sides=2 * surfaces,  # a copy of the row `side`, which `watch` reads behind `between`
-        crossings=len(f.hybrid.watch.results) if watched else 0,  # results of `watch`
+        crossings=len(f.hybrid.watch.results) if of_surfaces else 0,  # results of `watch`
         changed=acts * D,  # results of functions of events
         before=acts * D,  # the state before an action
         f_before=acts * D,  # f before an action
@@ -141,17 +144,16 @@ def rows_of_work(integrator):
         actions_now=acts,  # number of actions at surfaces at this instant
         chooses=chooses,  # 1 where branches of f are to be chosen at the state `new`
         chosen=len(of_x.hybrid.branch_program.results) if chooses else 0,  # results of `branches`
-        derived=len(of_x.hybrid.derived.results)
-        if chooses
-        else 0,  # values of f's table by branches
+        # Values of f's table that depend on branches.
+        derived=len(of_x.hybrid.derived.results) if chooses else 0,
         f_old=chooses * of_x.D,  # f before a jump
         slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
         gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
         tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
         # Inputs of `project`: the state, allowed errors, and levels; of `regular` also x.
-        projecting=bool(kept) * 3 * of_x.D + kept,
-        projected=bool(kept) * of_x.D,  # the state after a projection
-        invariants=kept,  # values of invariants
+        projecting=bool(invariants) * 3 * of_x.D + invariants,
+        projected=bool(invariants) * of_x.D,  # the state after a projection
+        invariants=invariants,  # values of invariants
         # States and rates, see `gragg.in_lanes`.
         lanes=in_lanes * (2 * D + extended) * bool(f.products),
         **integrator.rule.rows(),

@@ -41,7 +41,7 @@ def find_next_state(code):
             x, ends = line.x[i], code.of_columns(work.ends, i)
             new = x + weighted(own, ends)
             if code.f.steady:
-                exact = x + work.signed[0] * line.f[i]
+                exact = x + work.signed[0] * line.f_x[i]
                 new = (code.component("steady", i) > 0.0).select(exact, new)
             if code.f.of_one_sign:
                 size = abs(x) if integrator.has_atol else line.largest[i]
@@ -61,7 +61,7 @@ def find_next_state(code):
     kept = projection.kept_by_constraints(code, sums.kept)
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators that depend on time alone
-        kept = _changes_sign(line.f[k], work.f_new[k]).select(0.0, kept)
+        kept = _changes_sign(line.f_x[k], work.f_new[k]).select(0.0, kept)
     return kept, sizes
 
 
@@ -74,4 +74,4 @@ def move(code):
         line.x.choose(accepted, i, new)
         code.keep_largest(accepted, i, new)
     for i in text.each(code.extended):
-        line.f.choose(accepted, i, work.f_new[i])
+        line.f_x.choose(accepted, i, work.f_new[i])

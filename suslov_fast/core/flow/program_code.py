@@ -15,6 +15,15 @@ from .vector_functions import ProgramFunction
 TABLE = "table"
 
 
+def _program(f, name):
+    match name:
+        case "f":
+            return f.rates
+        case "derivative":
+            return f.derivative
+    return f.start
+
+
 @functools.lru_cache(256)
 def code_of_program(f, name):
     """Return the code of a program of f, and how many temporary numbers the code needs.
@@ -27,7 +36,7 @@ def code_of_program(f, name):
         function, skipped, given = ProgramFunction(Program(f.fixed, f.table), f.D + f.P), f.D, f.P
         results = len(f.table)
     else:
-        program = getattr(f, name)
+        program = _program(f, name)
         places = {f.D + k: k for k in range(len(f.table))} if name == "start" else f.places
         function, skipped = ProgramFunction(program, f.D, places), 0
         given, results = f.D + len(f.table), len(program.results)
@@ -50,7 +59,7 @@ def code_of_program(f, name):
 def by_code(f, name, *given):
     """Return the results (R,) of a program of f, see `code_of_program`: a new array."""
     code, scratch = code_of_program(f, name)
-    results = len(f.table if name == TABLE else getattr(f, name).results)
+    results = len(f.table if name == TABLE else _program(f, name).results)
     first = sum(map(len, given))
     memory = np.empty(first + results + scratch)
     begin = 0

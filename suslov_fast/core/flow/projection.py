@@ -9,7 +9,7 @@ from .codegen import larger_of
 
 def project(code, state):
     """Move the rows `state` to the levels of the invariants, if f has some."""
-    f, text, line, given = code.f.of, code.text, code.line, code.work.projecting
+    f, text, line, given = code.f.of_x, code.text, code.line, code.work.projecting
     if not f.projection:
         return
     for i in text.each(f.D):
@@ -26,7 +26,7 @@ def kept_by_constraints(code, kept):
 
     If it is -1, this happens within the allowed error of x, so the solution ends.
     """
-    f, given, line = code.f.of, code.work.projecting, code.line
+    f, given, line = code.f.of_x, code.work.projecting, code.line
     if not f.regular:
         return kept
     code.text.copy(code.work.new, given, f.D)
@@ -38,7 +38,7 @@ def kept_by_constraints(code, kept):
 
 def keep_levels(code, truth, state):
     """Let the invariants have their values at `state` from now on, in lanes `truth`."""
-    if code.f.of.projection:
+    if code.f.of_x.projection:
         code.call("invariants", state, code.table, code.work.invariants)
-        for k in code.text.each(code.f.of.invariants_count):
+        for k in code.text.each(code.f.of_x.invariants_count):
             code.line.levels.choose(truth, k, code.work.invariants[k])

@@ -64,7 +64,7 @@ class Rule:
 
     def find_columns(self, code):
         """Write y_c - x to the row `ends`; return inputs of `turn` by name."""
-        code.columns(code.line.x, code.line.f, len(self.columns))
+        code.columns(code.line.x, code.line.f_x, len(self.columns))
         return {}
 
     def begin_errors(self, code):
@@ -87,7 +87,7 @@ class Rule:
 
     def row_of_change(self, code):
         """Return the row in which `second_trial` finds changes h f of a sub-step."""
-        return code.work.f
+        return code.work.f_start
 
     def propagate(self, code):
         """Replace the change in this row by the change of the sub-step's end."""

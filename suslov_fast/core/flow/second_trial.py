@@ -41,7 +41,7 @@ TINY_STEP = 2.0**-40  # part of the time: in a step up to this length, sub-steps
 
 
 @scalar_kernel
-def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
+def BESIDE(t, state, x, new, f_x, counts, seeds, multiple, is_end, move):
     """Return a component beside a `state` of the step, displaced by about its rounding.
 
     A clock, such as time, is moved to a later time, by about its rounding. Other components are
@@ -49,7 +49,7 @@ def BESIDE(t, state, x, new, f, counts, seeds, multiple, is_end, move):
     1/2, is as good as random; `seeds` and `multiple` determine it. The size is |state| at the ends
     of the step. Between the ends, where the state may be 0, the size is the larger of both.
     """
-    later = state + OF_CLOCK * larger(abs(state), t * abs(f))
+    later = state + OF_CLOCK * larger(abs(state), t * abs(f_x))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
     place = multiple * seeds
     part = place - place.then("floor") - 0.5  # as good as a random number
@@ -157,7 +157,7 @@ def _changes_beside(code, is_noise):
     along, ends = map(text.constants, (ALONG, ENDS))
     base, state, most, *found = (work.beside.after(k * code.extended) for k in range(6))
     least, largest, second = found
-    offsets, f = code.f.hybrid.offsets, code.f.of
+    offsets, f = code.f.hybrid.offsets, code.f.of_x
     table = text.array(code.table) if code.for_each else Shared(text, code.table)
     starts = {clock: abs(table[f.places[number]]) for clock, number in offsets.items()}
     for i in text.each(code.D):
@@ -178,9 +178,9 @@ def _changes_beside(code, is_noise):
                 work.start.put_chosen(i, beside)
             for clock, start in starts.items():  # f reads the clock plus its start value
                 work.start[clock] = work.start[clock] + OF_CLOCK * start
-            code.call("f", work.start, code.table, work.f)
+            code.call("f", work.start, code.table, work.f_start)
             for i in text.each(code.D):
-                change.put_chosen(i, work.f[i] - base[i])
+                change.put_chosen(i, work.f_start[i] - base[i])
             rule.propagate(code)
             for i in text.each(code.D):
                 most.put_chosen(i, larger_of(abs(counts.select(change[i], 0.0)), most[i]))

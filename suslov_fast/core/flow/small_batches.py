@@ -31,7 +31,7 @@ class _PreparedRunner(batch_solver.StepRunner):
         rows, table = both[:count].reshape(B, -1), both[count:].reshape(shape)
         rows[:, places.state] = BEGINS
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
-        self.x, self.watches = rows[:, : f.D], rows[:, places.watches]
+        self.x, self.most_lost = rows[:, : f.D], rows[:, places.most_lost]
         self.state = rows[:, places.state]
         self.columns = {
             name: (rows[:, getattr(places, row)], kind)
@@ -103,7 +103,7 @@ def solve_small_batch(f, table, x0, request):
             break
         runner.use(batch_solver.integrator_of(f, int(ends[0]), request.settings))  # it turns
     states = np.ndarray((count, B, f.D), np.float64, states)
-    if ends.count(LaneState.DONE) < B or math.inf in runner.watches.tolist():
+    if ends.count(LaneState.DONE) < B or math.inf in runner.most_lost.tolist():
         own = runner.table.copy() if f.hybrid.chooses else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:

@@ -60,9 +60,9 @@ def take_step(code):
     before = code.line.t[0]
     _accept(code, errors, before)
     integrator.rule.turn(code, errors)
-    if integrator.watched:
+    if integrator.D_of_surfaces:
         location.cut(code, before, errors["total"])
-    growing_components.watch(code, errors["alerts"], errors["on_trial"])
+    growing_components.watch_digits(code, errors["alerts"], errors["on_trial"])
     dense_output.save_states(code)
     if integrator.kinks:
         branch_choice.choose(code)
@@ -97,10 +97,10 @@ def _accept(code, errors, t):
     rule = code.integrator.rule
     kernel = step_length.after(rule.power, rule.predicts)
     found = code.apply(kernel, **errors, last=code.goal())
-    if code.f.of.regular:
+    if code.f.of_x.regular:
         found["wanted"] = (errors["kept"] < 0.0).select(0.0, found["wanted"])
     errors["accepted"], served = found.pop("accepted"), found.pop("served")
-    code.keep(work, {"accepted": errors["accepted"], "served": served, "t": t})
+    code.keep(work, {"accepted": errors["accepted"], "served": served, "began": t})
     if code.f.hybrid.acts:  # a step cut at an event's given time does not shorten the next step
         is_there = (errors["accepted"] > 0.0) & (found["t"] >= line.stop[0])
         wanted = larger_of(found["wanted"], line.wanted[0])

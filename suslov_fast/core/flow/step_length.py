@@ -123,9 +123,9 @@ def bend_of(code, x, f, sums):
     length = ALONG * (sums.size / sums.rate) * code.number("sign")
     for i in text.each(code.D):
         work.start[i] = x[i] + length * f[i]
-    code.call("f", work.start, code.table, work.f)
+    code.call("f", work.start, code.table, work.f_start)
     for i in text.each(code.D, found):
-        change = abs(work.f[i] - f[i]) * code.component("counts", i)
+        change = abs(work.f_start[i] - f[i]) * code.component("counts", i)
         found.bend = larger_of(change, found.bend)
     return found.bend
 

@@ -42,7 +42,7 @@ class Stormer(Gragg):
     def add_functions(self, functions):
         f = self.f
         for name, components in zip(OF_SETS, self.sets, strict=True):
-            functions[name] = ProgramFunction(part_of(f.f, components), f.D, f.places)
+            functions[name] = ProgramFunction(part_of(f.rates, components), f.D, f.places)
 
     def add(self, text, integrator, name, for_each):
         StormerColumns(text, integrator, name, for_each).add()

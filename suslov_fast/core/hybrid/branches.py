@@ -38,7 +38,7 @@ _EXTREMES = {"max": "ogt", "min": "olt"}
 
 
 class Surface(NamedTuple):
-    """A surface at which steps end: there a result of `RightHandSide.watched` is 0.
+    """A surface at which steps end: there a result of `Hybrid.surfaces` is 0.
 
     kind    "event", or the instruction that has another branch beyond the surface
     number  the number of the event, or of the first parameter that holds the branch
@@ -65,20 +65,20 @@ class Surface(NamedTuple):
 class Branches(NamedTuple):
     """The branches of f, which the last parameters of f hold.
 
-    surfaces  the `Surface`s at which branches change: first those where f jumps, then kinks
-    P         how many other parameters f has
-    shifts    indices in `surfaces` of tables with an argument p + q; q is constant along a step
-    joins     True if several comparisons have the same two numbers (`_groups_of`)
-    jumps     the number of parameters that hold branches at which f jumps
+    conditions  the `Surface`s at which branches change: first those where f jumps, then kinks
+    P           how many other parameters f has
+    shifts      indices in `conditions` of tables with an argument p + q; q is constant along a step
+    joins       True if several comparisons have the same two numbers (`_groups_of`)
+    jumps       the number of parameters that hold branches at which f jumps
     """
 
-    surfaces: list
+    conditions: list
     P: int
     shifts: list
     joins: bool
 
-    kinds = property(lambda self: [surface.kind for surface in self.surfaces])
-    jumps = property(lambda self: sum(each.parameters for each in self.surfaces if each.jumps))
+    kinds = property(lambda self: [surface.kind for surface in self.conditions])
+    jumps = property(lambda self: sum(each.parameters for each in self.conditions if each.jumps))
 
 
 def watch_of(f, events, surfaces):
@@ -94,7 +94,7 @@ def watch_of(f, events, surfaces):
     4. for each kink, the branch at y: 1 or 0, or the argument of a table.
     """
     count = len(surfaces)
-    first = 2 * count + 2 * (events.surfaces if events else 0)
+    first = 2 * count + 2 * (events.surface_count if events else 0)
     of_table = {number: first + place for number, place in f.places.items()}
     values = Values(first + len(f.table), ())
     part, changes, of_kinks = 1.0, [], []
@@ -167,43 +167,62 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), inva
     of_states = depending(operations, {*range(D)}.difference(clocks))
     moving = depending(operations, [i for i, rate in enumerate(results) if not same(rate, 0.0)])
     jumps, kinks = _choosing(values, operations, of_states, moving)
-    given, surfaces = D + P, {}
-    for number, kind in (jumps | kinks).items():
-        surfaces[number] = Surface(kind, given, number in jumps)
-        given += surfaces[number].parameters
-    if not surfaces:
-        kept = range(D, D + P) if actions or offsets else ()
-        given_to = {"kept": kept, "invariants": invariants}
-        f = RightHandSide(values, results, P, by, of_events, **given_to)
-        f.hybrid = Hybrid(events, offsets=offsets)
-        if of_events:
-            f.hybrid = _watching(f, events_on_surfaces)
-        return f
-    groups, in_order = _groups_of(operations, jumps), [*surfaces.values()]
-    places = [k for k, number in enumerate(surfaces) if number in shifted]
+    first = D + P
+    conditions = _conditions(jumps, kinks, first)
+    if not conditions:
+        return HybridRightHandSide(
+            values, results, P, by, hybrid=Hybrid(events, offsets=offsets),
+            surfaces=events_on_surfaces, surface_values=of_events, invariants=invariants,
+            table=range(D, first) if actions or offsets else (),
+        )  # fmt: skip
+    groups, in_order = _groups_of(operations, jumps), [*conditions.values()]
+    places = [k for k, number in enumerate(conditions) if number in shifted]
     branches = Branches(in_order, P, places, bool(groups))
-    choices_of_jumps = range(D + P, D + P + branches.jumps)
-    fixed = Expressions(given, range(D, choices_of_jumps.stop))
-    tests = Expressions(given, values.fixed)  # tests of the conditions
+    count = first + sum(each.parameters for each in in_order)
+    fixed = Expressions(count, range(D, first + branches.jumps))
+    tests = Expressions(count, values.fixed)  # tests of the conditions
     new, of_branches, truths, shifts = _with_choices(
-        operations, fixed, tests, D + P, surfaces, shifted, groups
+        operations, fixed, tests, first, conditions, shifted, groups
     )
     fixed.take_written(values, new)
-    evaluated = [*of_branches, *(new[a] for a in of_events), *shifts]
-    given_to = {"surfaces": evaluated, "jumps": len(jumps), "kept": range(D, given)}
-    renamed_rows = renamed(invariants.operands, new)
-    given_to["invariants"] = invariants._replace(operands=renamed_rows)
-    f = RightHandSide(fixed, renamed(results, new), given - D, by, **given_to)
-    # A rate that depends on branches is constant along a step of f, but not along the motion. So
-    # the steady components are those of f before its branches became parameters.
-    plain = RightHandSide(values, results, P)
-    f.steady, f.clocks = plain.steady, plain.clocks
-    of = depending(f.fixed, choices_of_jumps).difference(choices_of_jumps)
-    derived = program_of(f.fixed, [a for a in f.table if a in of])
     chosen = _choices(tests, in_order, truths)
-    f.hybrid = Hybrid(events, branches, chosen, derived, offsets=offsets)
-    f.hybrid = _watching(f, [*in_order, *events_on_surfaces])
-    return f
+    return HybridRightHandSide(
+        fixed, renamed(results, new), count - D, by,
+        hybrid=Hybrid(events, branches, chosen, offsets=offsets),
+        surfaces=[*in_order, *events_on_surfaces], plain=RightHandSide(values, results, P),
+        surface_values=[*of_branches, *(new[a] for a in of_events), *shifts], jumps=len(jumps),
+        invariants=invariants._replace(operands=renamed(invariants.operands, new)),
+        table=range(D, count),
+    )  # fmt: skip
+
+
+class HybridRightHandSide(RightHandSide):
+    """The right-hand side of a motion with events, branches, or clocks that begin at 0.
+
+    `hybrid` lacks the programs that follow from f and its `surfaces`. If f has branches, `plain` is
+    f before its branches became parameters: a rate that depends on branches is constant along a
+    step of f, but not along the motion. So steady components are those of `plain`.
+    """
+
+    def __init__(self, *given, hybrid, surfaces, plain=None, **others):
+        super().__init__(*given, **others)
+        if hybrid.chooses:
+            self.steady, self.clocks = plain.steady, plain.clocks
+            first = self.D + plain.P
+            of_jumps = range(first, first + hybrid.branches.jumps)
+            changing = depending(self.fixed, of_jumps).difference(of_jumps)
+            derived = program_of(self.fixed, [a for a in self.table if a in changing])
+            hybrid = hybrid._replace(derived=derived)
+        self.hybrid = _watching(self, hybrid, surfaces) if surfaces else hybrid
+
+
+def _conditions(jumps, kinks, first):
+    """Return {number of a value: `Surface`}; branches are the parameters from `first` on."""
+    conditions = {}
+    for number, kind in (jumps | kinks).items():
+        conditions[number] = Surface(kind, first, number in jumps)
+        first += conditions[number].parameters
+    return conditions
 
 
 def _groups_of(operations, jumps):
@@ -237,28 +256,28 @@ def _passed(tests, number, group, choices, truth, a, b):
     return (result > 0.5).number
 
 
-def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
+def _with_choices(operations, fixed, tests, first, conditions, shifted, groups):
     """Add operations to `fixed` with branches in place of conditions, and unchanged to `tests`.
 
-    Values below number `first` are the state and the other parameters. `surfaces` is {number of a
-    condition: `Surface`}, and `groups` are those of `_groups_of`. `shifted` is {number of a table's
+    Values below number `first` are the state and the other parameters. `conditions` is {number of
+    a value: `Surface`}, and `groups` are those of `_groups_of`. `shifted` is {number of a table's
     value: (p, q)}: the argument of the table is p + q, where q is constant along a step. Return
     {old operand: operand in `fixed`}, and three lists of operands: the functions of all surfaces in
     `fixed`, with p in place of p + q; the branches of all surfaces in `tests`; and each q in
     `fixed`.
     """
     functions, branches, shifts = {}, {}, {}
-    choices = {number: surface.number for number, surface in surfaces.items()}
+    choices = {number: surface.number for number, surface in conditions.items()}
     new, old = {a: a for a in range(first)}, {a: a for a in range(first)}
     for name, number, operands in operations:
         of, others = renamed(operands, new), renamed(operands, old)
         old[number] = tests.emit(name, *others)
         if number in groups:
             old[number] = _passed(tests, number, groups[number], choices, old[number], *others)
-        if number not in surfaces:
+        if number not in conditions:
             new[number] = fixed.emit(name, *of)
             continue
-        kind, choice, jumps = surfaces[number]
+        kind, choice, jumps = conditions[number]
         if is_table(kind):
             if number in shifted:  # its branch is an interval of p: from low - q to high - q
                 p, q = shifted[number]
@@ -279,7 +298,7 @@ def _with_choices(operations, fixed, tests, first, surfaces, shifted, groups):
             if not jumps:
                 b = fixed.emit("fmul", -1.0, a) if name == "fabs" else b
                 new[number] = fixed.emit("select", truth, a, b)
-    found = [[of[a] for a in surfaces if a in of] for of in (functions, branches, shifts)]
+    found = [[of[a] for a in conditions if a in of] for of in (functions, branches, shifts)]
     return new, *found
 
 
@@ -305,15 +324,15 @@ def _choosing(values, operations, of_states, moving):
     return jumps, kinks
 
 
-def _watching(f, surfaces):
-    """Return `Hybrid` of f with the programs that find crossings of `surfaces`."""
-    watched = program_of(f.surfaces.operations, f.surfaces.results[: len(surfaces)])
-    events = f.hybrid.events
-    return f.hybrid._replace(
-        watched=watched,
+def _watching(f, hybrid, surfaces):
+    """Return the `Hybrid` of f with the programs that find crossings of `surfaces`."""
+    of_f, events = f.surface_values, hybrid.events
+    functions = program_of(of_f.operations, of_f.results[: len(surfaces)])
+    return hybrid._replace(
+        surfaces=functions,
         watch=watch_of(f, events, surfaces),
-        double_crossings=double_crossings_of(f, watched, surfaces),
-        aim=tuple(aim_of(f, watched, events, surfaces, each) for each in (False, True)),
+        double_crossings=double_crossings_of(f, functions, surfaces),
+        aim=tuple(aim_of(f, functions, events, surfaces, each) for each in (False, True)),
     )
 
 

@@ -172,12 +172,12 @@ class EventSet(NamedTuple):
     rests: tuple
     slides: tuple
 
-    surfaces = property(lambda self: len(self.directions))
+    surface_count = property(lambda self: len(self.directions))
     count = property(lambda self: len(self.most))
-    at_times = property(lambda self: self.count - self.surfaces)
+    at_times = property(lambda self: self.count - self.surface_count)
     # Numbers of the surfaces of users' events at which no body rests.
     plain = property(
-        lambda self: [k for k in range(self.surfaces) if not (self.holds[k] or self.rests[k])]
+        lambda self: [k for k in range(self.surface_count) if not (self.holds[k] or self.rests[k])]
     )
 
     def only_records(self, k):

@@ -29,7 +29,7 @@ def aim_of(f, watched, events, surfaces, is_implicit):
     3. the least time to a surface of an event, times SOONER if rounding makes s uncertain
     (`NOISE`).
     """
-    D, of_changes = f.D, events.surfaces if events else 0
+    D, of_changes = f.D, events.surface_count if events else 0
     first = 2 * (D + of_changes)
     count = first + len(f.table)
     values = Expressions(count, range(D, count))

@@ -33,10 +33,10 @@ class MapStep(ExtendedStep):
         self.fixed, self.table, self.usual, self.rare, self.places = [], [], [], [], {}
         self.values = values = Expressions(size + f.P, range(size, size + f.P))
         work = D * (len(f.pattern) + 2 * D * D) * columns
-        if work > MOST_WORK or len(f.f.operations) > LONGEST:
+        if work > MOST_WORK or len(f.rates.operations) > LONGEST:
             return
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
-        programs = (Program(f.fixed, []), f.f, f.derivative)[: 2 + columns]
+        programs = (Program(f.fixed, []), f.rates, f.derivative)[: 2 + columns]
         results = emitted(values, united(programs), known)
         # `after` lists numbers of values, so a constant becomes a value: 1 times the constant.
         of_x = (Values.emit(values, "fmul", 1.0, a) if type(a) is float else a for a in results[:D])

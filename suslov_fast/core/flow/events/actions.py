@@ -256,7 +256,7 @@ def change(code):
         with text.when(is_at_stop.any()):
             _act_at_times(code)
     again = Carried(more=0.0, limit=inf, hop=inf)
-    if events.surfaces:
+    if events.surface_count:
         _act_at_surfaces(code, is_there, is_there & ~is_at_stop, again)
     _go_on(code, is_at_stop, again)
 
@@ -264,7 +264,7 @@ def change(code):
 def act(code):
     """Call `change` if in some lane the step is taken and events may act at its end."""
     is_there = _is_there(code)
-    if code.integrator.events.surfaces:  # a state that stays on a surface may leave it
+    if code.integrator.events.surface_count:  # a state that stays on a surface may leave it
         is_there = is_there | (code.line.resting[0] * code.work.accepted[0] > 0.0)
     with code.text.when(is_there.any(), likely=False):
         code.text.invoke(f"{code.name}_change", code.arguments)
@@ -272,12 +272,12 @@ def act(code):
 
 def find_sides(code, begins):
     """Add code that finds on which side of each surface trajectories begin, in lanes `begins`."""
-    if not code.integrator.events.surfaces:
+    if not code.integrator.events.surface_count:
         return
     side, resting = code.line.side, Carried(resting=0.0)
     _look_at_end(code)
     _look_a_moment_later(code)
-    for k in code.text.each(code.integrator.events.surfaces, resting):
+    for k in code.text.each(code.integrator.events.surface_count, resting):
         numbers = _at_surface(code.work.toward, k)
         numbers["holds"] = code.text.constants([*map(float, code.integrator.events.holds)])[k]
         start = code.apply(SIDE_AT_START, near=0.0, **numbers)
@@ -303,7 +303,7 @@ def _is_running(code):
 def _is_there(code):
     """Return in which lanes events may act: the step ends at a given time or on a surface."""
     is_at_stop = _is_at_stop(code)
-    if not code.integrator.events.surfaces:
+    if not code.integrator.events.surface_count:
         return is_at_stop
     at_surface = code.work.at_surface[0] > 0.0
     return is_at_stop | ((code.work.accepted[0] > 0.0) & at_surface)
@@ -311,7 +311,7 @@ def _is_there(code):
 
 def _look(code, x, f, to):
     """Write s, ds/dt and the other numbers of each surface at the state x to `to`; f is f(x)."""
-    pair, D = code.work.pair, code.f.of.D
+    pair, D = code.work.pair, code.f.of_x.D
     code.text.copy(x, pair, D)
     code.text.copy(f, pair.after(D), D)
     code.call("toward", pair, code.table, to)
@@ -329,8 +329,8 @@ def _look_a_moment_later(code):
     signed = code.number("sign") * moment
     for i in code.text.each(code.D):
         work.start[i] = work.new[i] + signed * work.f_new[i]
-    code.call("f", work.start, code.table, work.f)
-    _look(code, work.start, work.f, work.ahead)
+    code.call("f", work.start, code.table, work.f_start)
+    _look(code, work.start, work.f_start, work.ahead)
     return moment
 
 
@@ -345,7 +345,7 @@ def _act_at_times(code):
     text, events = code.text, code.integrator.events
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
-        for k in range(events.surfaces, events.count):
+        for k in range(events.surface_count, events.count):
             acting = acts & _is_running(code) & code.line.stop_which[0].equals(float(k))
             with text.when(acting.any()):
                 _act(code, k, acting)
@@ -355,7 +355,7 @@ def _act_at_times(code):
 
 def _most(events):
     """Return how many actions on surfaces the events of an `EventSet` may make at one instant."""
-    return MOST_AT_ONCE + events.surfaces
+    return MOST_AT_ONCE + events.surface_count
 
 
 def most_records(events, equal):
@@ -363,11 +363,11 @@ def most_records(events, equal):
 
     Events on surfaces act in rounds until none acts. Events that only record may record in each.
     """
-    recorders = sum(map(events.only_records, range(events.surfaces)))
-    if recorders == events.surfaces:
+    recorders = sum(map(events.only_records, range(events.surface_count)))
+    if recorders == events.surface_count:
         return equal + recorders
     rounds = int(_most(events))
-    return equal + rounds * (1 + recorders) + events.surfaces
+    return equal + rounds * (1 + recorders) + events.surface_count
 
 
 def _act_at_surfaces(code, is_there, by_motion, again):
@@ -378,7 +378,7 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     """
     text, work, events = code.text, code.work, code.integrator.events
     _look_at_end(code)
-    for k in text.each(events.surfaces):
+    for k in text.each(events.surface_count):
         work.fired[k] = work.rate_before[k] = 0.0
         work.near[k] = NEARLY * code.line.t[0] * abs(_at_surface(code.work.toward, k)["rate"])
     if events.count == 1:
@@ -387,12 +387,12 @@ def _act_at_surfaces(code, is_there, by_motion, again):
         for now in text.rounds(Carried()):
             before = work.actions_now[0]
             few = is_there & (before < _most(events))
-            for k in range(events.surfaces):
+            for k in range(events.surface_count):
                 _cross(code, k, few, by_motion & work.actions_now[0].equals(0.0))
             now.goes_on = (work.actions_now[0] > before).any()
     again.resting = 0.0
     moment = _look_a_moment_later(code)
-    for k in text.each(events.surfaces, again):
+    for k in text.each(events.surface_count, again):
         side, level, place, fired = code.line.side, code.line.side.after(1), k * 2, work.fired[k]
         found = _with_touching_side(code, k, side[place], level[place], fired)
         side[place], level[place] = found["side"], found["level"]
@@ -482,7 +482,7 @@ def _act(code, k, truth, by_motion=None):
     In lanes `by_motion` the step led to the surface. `by_motion` is None for events at given times.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    components, D = integrator.events.components[k], integrator.f.of.D
+    components, D = integrator.events.components[k], integrator.f.of_x.D
     text.copy(work.new, work.before, code.D)
     text.copy(work.f_new, work.f_before, D)
     if components:
@@ -498,7 +498,7 @@ def _act(code, k, truth, by_motion=None):
     _take_columns(code, k, truth, by_motion, work.before, work.f_before)
     if components and integrator.f.columns:
         code.call("f", work.new, code.table, work.f_new)
-    line.counts[k] = counts = line.counts[k] + truth.select(1.0, 0.0)
+    line.action_counts[k] = counts = line.action_counts[k] + truth.select(1.0, 0.0)
     line.tries[0] = line.tries[0] + truth.select(1.0, 0.0)
     if integrator.events.most[k] < inf:
         is_over = truth & (counts >= float(integrator.events.most[k]))
@@ -512,7 +512,7 @@ def _take_columns(code, k, truth, by_motion, before, f_before):
     This time is tau; `event_formulas` has the formulas of both.
     In lanes `by_motion` tau is computed; an event caused by an action has the tau of that action.
     """
-    text, work, f, D = code.text, code.work, code.f, code.f.of.D
+    text, work, f, D = code.text, code.work, code.f, code.f.of_x.D
     for c in range(f.columns):
         q, column = c - (f.columns - f.q), D * (1 + c)
         end, parts = f"_{q}" if q >= 0 else "", (before, before.after(column), f_before, work.f_new)
@@ -530,7 +530,7 @@ def _take_columns(code, k, truth, by_motion, before, f_before):
 
 def _next_stop(code, bits):
     """Add code that reads the next given time of an event, in lanes with bit 1 in `bits`."""
-    text, of = code.text, code.of
+    text, loaded = code.text, code.loaded
     one = text.lanes(1)
     for offset in code.lanes_with(bits):
         lane = one.arrays(code.line.x.at() + offset, code.integrator.rows)
@@ -538,7 +538,8 @@ def _next_stop(code, bits):
         place_at = Integers(text, lane.stop_place.at())
         place = place_at[0] + 1
         place_at[0] = place
-        numbers = Shared(one, of.event_times + trajectory * of.event_time_bytes + place * 16)
+        own = loaded.event_times + trajectory * loaded.event_time_bytes
+        numbers = Shared(one, own + place * 16)
         lane.stop[0], lane.stop_which[0] = numbers[0], numbers[1]
 
 
@@ -546,7 +547,7 @@ def _go_on(code, at_given_time, again):
     """Set the next length and state of lanes after actions; `again` has results of `AGAIN`."""
     line, work = code.line, code.work
     sums = sizes_of(code, work.new, work.f_new)
-    before = sizes_of(code, line.largest, line.f)  # `line.f` is f where the step began
+    before = sizes_of(code, line.largest, line.f_x)  # `line.f_x` is f where the step began
     endless = (work.actions_now[0] >= _most(code.integrator.events)).select(1.0, 0.0)
     is_changed = at_given_time | (work.actions_now[0] > 0.0)
     if code.f.hybrid.jumps:

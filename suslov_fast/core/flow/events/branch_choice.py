@@ -85,7 +85,7 @@ def TRACE(before, after, jumps, u):
 
 def choose_branches(code):
     """Choose the branches of f at the state `new`, in lanes where the row `chooses` is 1."""
-    text, work, branches, f = code.text, code.work, code.f.hybrid.branches, code.f.of
+    text, work, branches, f = code.text, code.work, code.f.hybrid.branches, code.f.of_x
     code.call("branches", work.new, code.table, work.chosen)
     truth = work.chooses[0] > 0.0
     _put_choices(code, truth, branches.kinds, work.chosen.after(_BEFORE), branches.P)
@@ -145,7 +145,7 @@ def _jump(code, jumped):
     ahead = _look_ahead(code, AHEAD)
     back = jumped & (code.work.chosen[0] >= 0.0)
     with code.text.when(back.any(), likely=False):
-        for i in code.text.each(code.integrator.watched):
+        for i in code.text.each(code.integrator.D_of_surfaces):
             line.beyond.choose(back, i, code.work.start[i])
         # This starts a search for a surface within the time `ahead`, see `location`.
         search = {"whole": line.wanted[0], "wanted": ahead, "outer": ahead}
@@ -171,7 +171,7 @@ def _choose(code, truth, acted):
     """Choose branches in lanes `truth`; update f, and columns unless an event `acted`."""
     text, work, f = code.text, code.work, code.f
     has_columns = f.columns and f.hybrid.jumps
-    text.copy(work.f_new, work.f_old, code.f.of.D)
+    text.copy(work.f_new, work.f_old, code.f.of_x.D)
     if has_columns:
         code.call("slopes", work.new, code.table, work.slopes)
     update_branches(code, truth, by_motion=True)
@@ -187,13 +187,13 @@ def _choose(code, truth, acted):
 
 def _change_columns(code, truth):
     """Add (f_new - f_old) tau to columns in lanes `truth`: displaced solutions jump tau earlier."""
-    text, work, f, block = code.text, code.work, code.f, code.f.of
-    D, gradient = block.D, work.gradient
+    text, work, f, of_x = code.text, code.work, code.f, code.f.of_x
+    D, gradient = of_x.D, work.gradient
     for j in text.each(D + f.q):
         gradient[j] = 0.0
-    surfaces = text.constants([float(k) for k, _ in block.slope_places])
-    places = text.constants([j for _, j in block.slope_places])
-    for n in text.each(len(block.slope_places)):
+    surfaces = text.constants([float(k) for k, _ in of_x.slope_places])
+    places = text.constants([j for _, j in of_x.slope_places])
+    for n in text.each(len(of_x.slope_places)):
         gradient.choose(work.chosen[0].equals(surfaces[n]), places[n], work.slopes[n])
     ends = Carried(before=0.0, after=0.0, jumps=0.0)
     for i in text.each(D, ends):
@@ -213,7 +213,7 @@ def _change_columns(code, truth):
     others = f.columns - f.q
     for c in text.each(others):
         move(work.new.from_here(D + c * D), Carried(sum=0.0))
-    scales = text.array(code.table, len(block.table))
+    scales = text.array(code.table, len(of_x.table))
     for q in text.each(f.q):
         ds = gradient.after(D)[q] * scales[q]
         move(work.new.from_here(D * (1 + others) + q * D), Carried(sum=ds))
@@ -230,7 +230,7 @@ def _go_on(code, ended):
     for i in text.each(code.D):
         work.new.choose(ended, i, accepted.select(work.new[i], line.x[i]))
     for i in text.each(code.extended):
-        work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f[i]))
+        work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f_x[i]))
     none = ahead = text.value(0.0)
     for part in (NEAREST, 8.0 * NEAREST, AHEAD):
         own = _look_ahead(code, part)
@@ -262,9 +262,9 @@ def _put_choices(code, truth, kinds, rows, place):
     `rows` has the branch of a comparison or "floor". Of a `Table` it has the argument, and f's
     table gets the interval that contains the argument.
     """
-    text, f, branches = code.text, code.f.of, code.f.hybrid.branches
+    text, f, branches = code.text, code.f.of_x, code.f.hybrid.branches
     first = len(branches.kinds) - len(kinds)
-    shifts = f.surfaces.results[len(branches.kinds) + code.integrator.event_surfaces :]
+    shifts = f.surface_values.results[len(branches.kinds) + code.integrator.event_surface_count :]
     places = {k: f.places[q] for k, q in zip(branches.shifts, shifts, strict=False)}
     for are_tables, group in itertools.groupby(enumerate(kinds), lambda each: is_table(each[1])):
         group = [*group]

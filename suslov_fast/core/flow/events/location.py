@@ -44,15 +44,15 @@ BESIDE = 2.0**-12  # difference of two fractions u of a step, whose states give 
 ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
 
 
-def _bend(d, f, f_new, h, u):
-    """Return (1 - 2 u) d + (u - 1) h f + u h f_new, for a step of length h from x to x + d."""
-    return (1.0 - 2.0 * u) * d + (u - 1.0) * (h * f) + u * (h * f_new)
+def _bend(d, f_x, f_new, h, u):
+    """Return (1 - 2 u) d + (u - 1) h f_x + u h f_new, for a step of length h from x to x + d."""
+    return (1.0 - 2.0 * u) * d + (u - 1.0) * (h * f_x) + u * (h * f_new)
 
 
-def _point(x, new, f, f_new, signed, u, quartic):
+def _point(x, new, f_x, f_new, signed, u, quartic):
     """Return a component at the fraction u of an explicit step; `quartic` is added to a cubic."""
     change, product = new - x, u * (u - 1.0)
-    bend = _bend(change, f, f_new, signed, u)
+    bend = _bend(change, f_x, f_new, signed, u)
     return {"point": x + u * change + (bend + product * quartic) * product}
 
 
@@ -61,13 +61,13 @@ POINT = scalar_kernel(functools.partial(_point, quartic=0.0))
 
 
 @scalar_kernel
-def QUARTIC(x, new, f, f_new, signed, f_point):
+def QUARTIC(x, new, f_x, f_new, signed, f_point):
     """Return `quartic`, with which the curve of `_point` has the slope `f_point` at POINTS[0]."""
     u = POINTS[0]
     change, slope = new - x, u * (u - 1.0)
     of_cubic = (
-        change + (2.0 * u - 1.0) * _bend(change, f, f_new, signed, u)
-        + slope * (signed * f + signed * f_new - 2.0 * change)
+        change + (2.0 * u - 1.0) * _bend(change, f_x, f_new, signed, u)
+        + slope * (signed * f_x + signed * f_new - 2.0 * change)
     )  # fmt: skip
     own = (signed * f_point - of_cubic) * (1.0 / (2.0 * slope * (2.0 * u - 1.0)))
     return {"quartic": (abs(own) < inf).select(own, 0.0)}
@@ -239,8 +239,8 @@ def TIME_AND_STATE(
 def cut(code, before, total):
     """Repeat a step that crosses a surface, or seeks one, with a better length."""
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    taken, count, pair, points = work.taken[0], integrator.surfaces, work.between, work.points
-    ended, surfaces = text.value(0.0) > 0.0, integrator.event_surfaces
+    taken, count, pair, points = work.taken[0], integrator.surface_count, work.between, work.points
+    ended, surfaces = text.value(0.0) > 0.0, integrator.event_surface_count
     text.copy(line.side, work.sides, 2 * surfaces)
     if surfaces and not any(integrator.events.holds):  # a solution ends where its last step began
         ended = line.state[0].equals(float(LaneState.ENDED)) & (taken > 0.0)
@@ -248,7 +248,7 @@ def cut(code, before, total):
             for i in text.each(code.D):
                 work.new.choose(ended, i, line.x[i])
             for i in text.each(code.extended):
-                work.f_new.choose(ended, i, line.f[i])
+                work.f_new.choose(ended, i, line.f_x[i])
     searches = line.outer[0] < inf
     from_start = ~(line.inner[0] > 0.0)
     inputs = _look_at_points(code, taken, from_start)
@@ -282,7 +282,7 @@ def cut(code, before, total):
 def _with_levels(integrator):
     """Return the numbers of events on surfaces that set the state, except those of modes."""
     events = integrator.events
-    surfaces = range(integrator.event_surfaces)
+    surfaces = range(integrator.event_surface_count)
     return [k for k in surfaces if events.components[k] and events.holds[k] < 2]
 
 
@@ -293,16 +293,16 @@ def _look_at_points(code, length, from_start):
     beyond the crossing goes to the row `beyond`.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    count, pair, point, points = integrator.surfaces, work.between, work.point, work.points
+    count, pair, point, points = integrator.surface_count, work.between, work.point, work.points
     code.call("surfaces", line.x, code.table, points)
     found = dict.fromkeys(("crossed", "place", "end"), text.value(0.0))
     if _has_quartics(integrator):
         u = text.value(POINTS[0])
         for i in text.each(code.D):
             work.start[i] = code.apply(POINT, i, u=u)["point"]
-        code.call("f", work.start, code.table, work.f)
+        code.call("f", work.start, code.table, work.f_start)
         for i in _read(code):
-            work.quartic[i] = code.apply(QUARTIC, i, f_point=work.f[i])["quartic"]
+            work.quartic[i] = code.apply(QUARTIC, i, f_point=work.f_start[i])["quartic"]
     _look_inside(code, 0, 0.0, line.x)
     for k, (begin, end) in enumerate(itertools.pairwise((0.0, *POINTS)), 1):
         state = point if end < 1.0 else work.new
@@ -311,7 +311,7 @@ def _look_at_points(code, length, from_start):
         code.call("surfaces", state, code.table, points.after(k * count))
         _look_inside(code, k, end, state)
         if integrator.double_crossings.decision and k == MIDDLE:
-            text.copy(point, points.after(integrator.at_points), integrator.watched)
+            text.copy(point, points.after(integrator.at_points), integrator.D_of_surfaces)
         text.copy(points.after((k - 1) * count), pair, 2 * count)
         inputs = _watch(code, "part", "crosses") | found | {"u": end, "width": end - begin}
         found = code.apply(LOOK, taken=length, **inputs)
@@ -335,8 +335,8 @@ def _keep_beyond(code, truth, state):
 def _look_inside(code, k, u, x):
     """Write what `double_crossings` reads at point k of a step: state x at the fraction u."""
     work, integrator, moving = code.work, code.integrator, code.work.moving
-    of, D, points = integrator.double_crossings, integrator.watched, 1 + len(POINTS)
-    phases = work.points.after(points * integrator.surfaces)
+    of, D, points = integrator.double_crossings, integrator.D_of_surfaces, 1 + len(POINTS)
+    phases = work.points.after(points * integrator.surface_count)
     rates = phases.after(points * of.inside[0] + k * of.inside[1])
     if of.phases:
         code.call("phases", x, code.table, phases.after(k * of.inside[0]))
@@ -356,7 +356,7 @@ def _double_crossings(code, inputs):
     of, points = integrator.double_crossings, code.work.points
     found = {"starts": inputs["crossed"], "hidden": 0.0, "twice": 0.0, "waves": 0.0, "known": inf}
     if of.decision:
-        points[integrator.at_points + integrator.watched] = code.number("rtol")
+        points[integrator.at_points + integrator.D_of_surfaces] = code.number("rtol")
         code.call("double_crossings", points, code.table, decision)
         found |= {"hidden": decision[0], "twice": decision[1], "waves": decision[2]}
         if of.of_clocks:  # after a search, a longer step could hide crossings of clocks
@@ -371,9 +371,9 @@ def _aim(code, inputs, searches, from_start):
 
     If a step begins on a surface and returns to it early, `place` is where the step returns.
     """
-    text, line, work, D = code.text, code.line, code.work, code.f.of.D
+    text, line, work, D = code.text, code.line, code.work, code.f.of_x.D
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))
-    surfaces = code.integrator.event_surfaces
+    surfaces = code.integrator.event_surface_count
     comes_back = from_start & (inputs["crossed"] > 0.0) & (end <= POINTS[0])
     comes_back = comes_back & (place <= ON * end)
     looks = searches | comes_back

@@ -30,7 +30,7 @@ from .fields.right_hand_sides import of_one
 from .keywords import public
 from .maps.map_records import eps_of, map_of
 from .motions import motion_arguments
-from .motions.event import Event
+from .motions.event import EventLike
 from .motions.events import actions_of, batch_of, checked_events, clocked, event_times_of
 from .motions.extension import atol_of_columns, with_atol
 
@@ -64,7 +64,7 @@ def system(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
-    events: Event | Sequence[Event] = (),
+    events: EventLike | Sequence[EventLike] = (),
     derivatives: str | Sequence[str] = (),
 ) -> System:
     """Return the constants of a step, for compiled loops with a single body, field or map.

@@ -116,8 +116,8 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
         parameters_of_system = getattr(args[0], "parameters", {}) if is_method else {}
 
         def how(word: str) -> str:
-            is_function = args and inspect.isroutine(args[0])
-            if word == "args" and is_function and (values := _by_name(args[0], kwargs[word])):
+            values = _by_name(args[0], word, kwargs[word]) if args else ""
+            if values:
                 return f"Field(f, names, {values}), whose parameters have names"
             here = word if word in first else answer(word, known)
             if here in first:
@@ -141,15 +141,19 @@ def _wrong_call(function: Any, args: Any, kwargs: Any, error: TypeError) -> Type
     return error
 
 
-def _by_name(f: Any, values: Any) -> str:
-    """Return the last arguments of f with their values, "a=1, b=2"; "" if they are not so many."""
-    values = values if isinstance(values, tuple) else (values,)
-    try:
-        names = [*inspect.signature(f).parameters][-len(values) :]
-    except (TypeError, ValueError):
+def _by_name(f: Any, word: str, value: Any) -> str:
+    """Return parameters of a function with their values, "a=1, b=2"; "" if it has no such ones.
+
+    The word is the name of one, or "args", whose values are those of the last arguments.
+    """
+    names = [*inspect.signature(f).parameters] if inspect.isfunction(f) else []
+    if word in names:
+        return f"{word}={value}"
+    values = value if isinstance(value, tuple) else (value,)
+    if word != "args" or len(names) < len(values):
         return ""
-    pairs = zip(names, values, strict=False)
-    return ", ".join(f"{a}={b}" for a, b in pairs) if len(names) == len(values) else ""
+    pairs = zip(names[-len(values) :], values, strict=True)
+    return ", ".join(f"{a}={b}" for a, b in pairs)
 
 
 def _call_of_flow(_: Any, second: Any, third: Any) -> str:

@@ -36,7 +36,7 @@ def crossings(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
-    direction: int | str = 0,
+    direction: int | str = "both",
     transient: float = 0,
     most: int | None = None,
     derivatives: str | Sequence[str] = (),
@@ -62,7 +62,7 @@ def crossings(
         The time after the transient; negative backwards in time.
     t0, rtol, atol, max_step, stiff
         As in :func:`flow`.
-    direction : {0, 1, -1} or {"both", "up", "down"}
+    direction : {"both", "up", "down"} or {0, 1, -1}
         As in :class:`Event`.
     transient : float
         The time at the beginning in which crossings are ignored.

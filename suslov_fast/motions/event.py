@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from numbers import Real
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
@@ -51,6 +52,8 @@ class Event:
         The name of a component, a formula, or a function s of the state, ``lambda x: x[0] - 30``.
         The event happens where s becomes positive, or stops being positive, along the motion or
         through another event. Where s is NaN no event happens. A start on the surface is no event.
+        Attributes `terminal` and `direction` of the function, as SciPy reads them, stand for
+        arguments that are left out.
     to : callable or sequence of str or float, or one of these, optional
         The state after the event: a function of the state, ``lambda x: (x[0], -x[1])``, or a list
         of components. A component is a number, or a formula of the state before: ``("h", "-v")``,
@@ -124,6 +127,7 @@ class Event:
             raise wrong("surface or times", "given, one of them", f"{received}: {how}")
         if self.surface is not None:
             _check_surface(self.surface)
+        terminal, given_direction, most = _as_in_scipy(self)
         to = self.to
         if to in ("up", "down", "both"):
             raise wrong("to", _NEW_STATE, f"{to!r}: pass direction={to!r}")
@@ -134,20 +138,20 @@ class Event:
         elif to is not None and not callable(to):
             how = ": a parameter that changes is a variable of the rate 0" * isinstance(to, dict)
             raise wrong("to", _NEW_STATE, f"{short(to)}{how}", TypeError)
-        word: Any = self.direction
+        word: Any = given_direction
         number = _DIRECTIONS.get(word, word) if isinstance(word, str) else word
         known = "1 or 'up', -1 or 'down', 0 or 'both'"
         direction = checks.integer("direction", number, -1, known, 1)
         if direction and self.surface is None:
             raise wrong("direction", "left out beside times")
-        if not isinstance(self.terminal, (bool, np.bool_)):
-            raise wrong("terminal", "True or False", short(self.terminal), TypeError)
-        if (most := self.most) is not None:
+        if not isinstance(terminal, (bool, np.bool_)):
+            raise wrong("terminal", "True or False", short(terminal), TypeError)
+        if most is not None:
             most = checks.integer("most", most, 1, "None or an integer of at least 1")
-        if self.terminal and most is not None:
+        if terminal and most is not None:
             how = "left out beside terminal=True, at the first: most=3 alone ends at the third"
             raise wrong("most", how)
-        vars(self).update(to=to, direction=direction, most=most, terminal=bool(self.terminal))
+        vars(self).update(to=to, direction=direction, most=most, terminal=bool(terminal))
         self._kept.update(surface=_with_values(self.surface, {}), to=_with_values(to, {}))
         if self.times is not None:
             times = np.array(checks.float_array("times", self.times), ndmin=1)
@@ -296,6 +300,10 @@ def _names_in(code: CodeType) -> set[str]:
     return {*code.co_names}.union(*map(_names_in, inner))
 
 
+# A surface may stand for an event that only records, or that has the attributes of SciPy's.
+EventLike = Event | str | Callable[..., Any]
+
+
 def _shown(function: Any) -> str:
     """Return a function or texts in short, for messages."""
     if callable(function):
@@ -304,17 +312,25 @@ def _shown(function: Any) -> str:
 
 
 def _check_surface(surface: Any) -> None:
-    """Raise TypeError unless a surface is a text or a function, and no event function of SciPy."""
-    if names := [name for name in ("terminal", "direction") if hasattr(surface, name)]:
-        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
-        how = "pass terminal=True to end there, direction=-1 for downwards"
-        expected = "a function without the attributes of SciPy's events"
-        raise wrong("surface", expected, f"{received}: {how}", TypeError)
+    """Raise TypeError unless a surface is a text or a function."""
     if not isinstance(surface, str) and not callable(surface):
         is_number = isinstance(surface, (int, float))
         what = f": pass lambda x: x[k] - {surface}, for component k" * is_number
         what += ": times are times=[1, 2]" * isinstance(surface, (list, tuple, np.ndarray))
         raise wrong("surface", _ON_SURFACE, f"{checks.kind_of(surface)}{what}", TypeError)
+
+
+def _as_in_scipy(event: Event) -> tuple[Any, Any, Any]:
+    """Return `terminal`, `direction` and `most`, from attributes of the surface where left out."""
+    terminal, direction, most = event.terminal, event.direction, event.most
+    if direction == "both":
+        sign = getattr(event.surface, "direction", 0)
+        direction = int(np.sign(float(sign))) if isinstance(sign, Real) else sign
+    if terminal is False and most is None:  # a number is that of the event that ends the motion
+        terminal = getattr(event.surface, "terminal", False)
+        if isinstance(terminal, int) and not isinstance(terminal, bool):
+            terminal, most = False, terminal or None
+    return terminal, direction, most
 
 
 class TracedEvent:

@@ -252,20 +252,15 @@ class Events(Result):
 
 # ---------------------------------------------------------------------- lists of events for motions
 def checked_events(events: Any) -> tuple[Event, ...]:
-    """Return an `Event`, or a list of them, as a tuple; TypeError for anything else."""
+    """Return events and surfaces, one or a list, as a tuple; TypeError for anything else."""
     if events is None or (type(events) is tuple and not events):  # most calls have no events
         return ()
     given = events if isinstance(events, (tuple, list)) else (events,)
     for each in given:
-        if not isinstance(each, Event):
-            received = short(each) + f": pass Event({each!r})" * isinstance(each, str)
-            if callable(each):
-                more = ", terminal=True" * bool(getattr(each, "terminal", False))
-                name = getattr(each, "__name__", "f")
-                name = name if name.isidentifier() else "f"  # of a lambda it is not
-                received = f"a function: pass Event({name}{more})"
-            raise wrong("events", "an Event, or a list of them", received, TypeError)
-    return tuple(given)
+        if not (isinstance(each, (Event, str)) or callable(each)):
+            expected = "an Event, a surface as a function or as text, or a list of them"
+            raise wrong("events", expected, short(each), TypeError)
+    return tuple(each if isinstance(each, Event) else Event(each) for each in given)
 
 
 def clocked(system: Any, events: tuple[Event, ...]) -> Any:

@@ -22,7 +22,7 @@ from ..maps.map_records import Method, eps_and_steps, map_of
 from ..maps.problem import Problem, check
 from ..status import Status, report_poles
 from . import motion_arguments
-from .event import Event
+from .event import EventLike
 from .events import actions_of, batch_of, checked_events, clocked, event_times_of
 from .integration import threads_for
 from .kept_integrals import warn_of_changes
@@ -48,7 +48,7 @@ def lyapunov_exponents(
     time: float | None = None,
     rtol: float = motion_arguments.RTOL,
     t0: Reals | None = None,
-    events: Event | Sequence[Event] | None = (),
+    events: EventLike | Sequence[EventLike] | None = (),
     method: Method = "auto",
     threads: int | None = None,
     progress: Progress = None,
@@ -82,7 +82,7 @@ def lyapunov_exponents(
         With `time`, the relative tolerance of :func:`flow`, for states and tangent vectors.
     t0
         With `time`, as in :func:`flow`.
-    events : Event or sequence of Event
+    events : Event, callable or str, or a sequence of these
         With `time`, events without `terminal` and `most`, see :class:`Event`. Tangent vectors
         change with the state, and with the time at which the state meets a surface.
     method, threads, progress

@@ -17,7 +17,7 @@ from ..fields.field import Field, system_of
 from ..keywords import public
 from ..results.result import times_of, zeros_of
 from . import motion_arguments
-from .event import Event
+from .event import Event, EventLike
 from .events import batch_of, checked_events, clocked
 from .motion import Motion
 from .solution import solution
@@ -35,7 +35,7 @@ def flow(
     atol: ArrayLike | None = None,
     max_step: float | None = None,
     stiff: bool | None = None,
-    events: Event | Sequence[Event] | None = (),
+    events: EventLike | Sequence[EventLike] | None = (),
     derivatives: str | Sequence[str] = (),
     threads: int | None = None,
     progress: Progress = None,
@@ -80,8 +80,10 @@ def flow(
     stiff : bool, optional
         True takes all steps with the method for stiff equations, False with the other method. By
         default each trajectory chooses the method from step to step.
-    events : Event or sequence of Event
-        Events at times or on surfaces, see :class:`Event`; ``motion.events`` records them.
+    events : Event, callable or str, or a sequence of these
+        Events at times or on surfaces, see :class:`Event`; ``motion.events`` records them. A
+        surface alone, a function or text, is an event that only records, or that has the attributes
+        `terminal` and `direction` of the function.
     derivatives : str or sequence of str
         The motion is differentiated with respect to these: "x0", and parameters of the field, as
         in "x0 k c". Then ``motion.derivatives[name]`` is the derivative. The variational equations

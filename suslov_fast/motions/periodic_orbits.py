@@ -21,7 +21,7 @@ from ..fields.map import Map
 from ..keywords import public
 from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
-from .event import Event
+from .event import Event, EventLike
 from .events import Derivatives, checked_events, clocked
 from .kept_integrals import warn_of_changes
 from .motion_arguments import checked_derivatives, checked_settings
@@ -47,7 +47,7 @@ def periodic_orbit(
     *,
     rtol: float = 1e-12,
     t0: Reals | None = None,
-    events: Event | Sequence[Event] | None = (),
+    events: EventLike | Sequence[EventLike] | None = (),
     derivatives: str | Sequence[str] = (),
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state, with its period and its Floquet multipliers.
@@ -76,7 +76,7 @@ def periodic_orbit(
         The relative tolerance of :func:`flow`.
     t0 : array_like(float, shape=(...)), optional
         If f takes the time, as f(t, y): the time t at the state, by default 0.
-    events : Event or sequence of Event
+    events : Event, callable or str, or a sequence of these
         Events on surfaces, see :class:`Event`, for cycles that bounce, walk or spike. The returned
         state lies between two events.
     derivatives : str or sequence of str

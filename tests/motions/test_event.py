@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hybrid import TO_BLOOD, patient
+from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
 from suslov_fast import Event, Field, flow
@@ -48,6 +49,41 @@ def test_events_as_text(change):
 def test_new_states_by_component(to):
     motion = flow(PK, [3.0, 4.0], time=[1.0], events=Event(times=[1.0], to=to))
     assert motion.events.states[0].tolist() == [100.0, motion.events.before[0, 1]]
+
+
+def falls(t, y):
+    return y[1], -9.81
+
+
+def as_in_scipy(**attributes):
+    def surface(t, y):
+        return y[0] - 0.2 * np.sin(9.0 * t)
+
+    vars(surface).update(attributes)
+    return surface
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [{}, {"direction": 0.5}, {"direction": -3}, {"terminal": 1}, {"terminal": 2, "direction": 1}],
+)
+def test_surfaces_as_scipy_takes_them(attributes):
+    surface = as_in_scipy(**attributes)
+    right = solve_ivp(falls, (0, 3), [-0.1, 9.81], "DOP853", events=surface, rtol=1e-11, atol=1e-11)
+    motion = flow(falls, [-0.1, 9.81], time=[3.0], events=surface)
+    np.testing.assert_allclose(motion.events.time, right.t_events[0], 0, 1e-8)
+    np.testing.assert_allclose(motion.final, right.y[:, -1], 0, 1e-7)
+    assert motion.end == pytest.approx(right.t[-1], abs=1e-8)
+    found = sf.crossings(falls, [-0.1, 9.81], surface, time=3.0)
+    assert found.time.tolist() == motion.events.time.tolist()
+
+
+def test_arguments_come_before_attributes():
+    surface = as_in_scipy(terminal=True, direction=1)
+    event = Event(surface, direction="down", most=3)
+    assert (event.terminal, event.direction, event.most) == (False, -1, 3)
+    both = flow(PK, [3.0, 0.0], time=[5.0], events=["blood - 0.5", lambda x: x[0] - 1])
+    assert both.events.which.tolist() == [0, 1]
 
 
 def test_events_that_differ():

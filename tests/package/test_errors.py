@@ -110,7 +110,7 @@ TABLE = [
      lambda: sf.compiled.system(4, 0.1)),
     (ValueError, "(?:body|system)", lambda: Suslov3D.from_dict(ND.to_dict()),
      lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4)),
-    (TypeError, "events", motion(events=3), motion(events=[len])),
+    (TypeError, "events", motion(events=3), motion(events=[None])),
     (ValueError, "events", lambda: sf.lyapunov_exponents(
         SMOOTH, [1.0, 0.5], time=1.0, events=sf.Event(lambda x: x[0] - 1, terminal=True))),
     (ValueError, "color", lambda: a_run().plot(color=[1, 2])),

@@ -40,6 +40,18 @@ OTHERS = {
         "solve_ivp(g, (0, T), x0, **tight).y[:, -1]",
         1e-6,
     ),
+    "crossings(field, x0, time=T, surface=top).time": (
+        "solve_ivp(g, (0, T), x0, events=hit, **tight).t_events[0]",
+        1e-6,
+    ),
+    'crossings(field, x0, time=T, surface=top, direction="down", most=1).states[0]': (
+        "solve_ivp(g, (0, T), x0, events=down, **tight).y_events[0][0]",
+        1e-6,
+    ),
+    'flow(ball, [1, 0], time=T, events=Event("h", direction="down", terminal=True)).end': (
+        "solve_ivp(fall, (0, T), [1, 0], events=ground, **tight).t_events[0][0]",
+        1e-6,
+    ),
     "flow(ball, [1, 0], time=T, events=bounce).states[0]": (BALL, 1e-9),
     "flow(drug, [0], time=T, events=dose).states[0]": ([100 * (1 + np.exp(-1) + np.exp(-2))], 1e-9),
     # 1, and exp of the integral of 1 - q**2 over the period, by DOP853

@@ -90,7 +90,7 @@ TABLE = (
   ("message error failed failedat", "status", ""),
   ("last end final finalstate laststate", "final states[-1]", ""),
   ("resume restart continue extend", "",
-   "iterate(system, run.final, eps, steps), which goes on from the last states"),
+   "iterate(system, run, eps, steps), which goes on from the last states"),
   ("tonetcdf tozarr sel isel", "to_xarray", ""),
   ("savefig figure", "figures plot", "plot().figure.savefig(path)"),
   ("save tojson tofile dump", "save", "json.dump(body.to_dict(), file)"),

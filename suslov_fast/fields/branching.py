@@ -21,6 +21,8 @@ _CUTS = {
     ("ogt", False): (True, 0),
     ("oge", False): (True, 1),
 }
+# Instructions that can be NaN at numbers; a division by a constant cannot.
+_PARTIAL = {*"fdiv sqrt log log2 log10 log1p arcsin arccos arccosh arctanh pow".split()}
 _Cut = tuple[float, int]
 _ANYWHERE: tuple[_Cut, _Cut] = (-float("inf"), 0), (float("inf"), 1)
 
@@ -39,6 +41,7 @@ class _Path:
     def __init__(self, tracer: Tracer, taken: dict[int, bool]) -> None:
         self.tracer, self.given, self.new = tracer, taken, dict[int, bool]()
         self.ranges: dict[int, tuple[_Cut, _Cut]] = {}
+        self.numbers = set[int]()  # values of which a comparison was true: they are not NaN
         for key, value in taken.items():
             self._note(key, value)
 
@@ -72,14 +75,39 @@ class _Path:
             a, cut, is_below = found
             low, high = self.ranges.get(a, _ANYWHERE)
             self.ranges[a] = (low, min(high, cut)) if is_below is value else (max(low, cut), high)
+            if value:
+                self.numbers.add(a)
 
     def _implied(self, key: int) -> bool | None:
-        """Return the value of a comparison that earlier ones imply, as t < 5 implies t < 6."""
+        """Return the value of a comparison that earlier ones imply, as t < 5 implies t < 6.
+
+        Of NaN all comparisons are false: there not (a > 0) does not imply a <= 0.
+        """
         if (found := self._comparison(key)) is None:
             return None
         a, cut, is_below = found
         low, high = self.ranges.get(a, _ANYWHERE)
-        return is_below if high <= cut else not is_below if low >= cut else None
+        if low >= high:  # a is NaN
+            return False
+        value = is_below if high <= cut else not is_below if low >= cut else None
+        return value if not value or a in self.numbers or not self._may_be_nan(a) else None
+
+    @property
+    def is_of_nan(self) -> bool:
+        """True if the answers are those for a value that is NaN."""
+        return any(low >= high for low, high in self.ranges.values())
+
+    def _may_be_nan(self, operand: Any) -> bool:
+        """Return True if a value can be NaN where the variables and parameters are numbers."""
+        seen, left = set[Any](), [operand]
+        while left:
+            name, of = self.tracer.values.parts_of(a := left.pop())
+            is_total = name == "fdiv" and type(of[1]) is float and of[1] != 0.0
+            if a != a or (name in _PARTIAL and not is_total):
+                return True
+            left += [each for each in of if each not in seen]
+            seen.update(of)
+        return False
 
 
 class _Paths:
@@ -89,23 +117,29 @@ class _Paths:
         self.tracer, self.call = tracer, call
         self.count, self.errors = 0, list[Exception]()
 
-    def result(self) -> list[Any]:
-        """Return the operands; none if f raises an error, so that it has no value on this path."""
+    def result(self, path: _Path) -> list[Any]:
+        """Return the operands; none if f raises an error, so that it has no value on this path.
+
+        If only NaN leads to this path, f may also lack a value by any other error.
+        """
+        self.tracer.decide = path.decide
         try:
             return self.call()
         except Raised as error:
             self.errors.append(error.error)
-            return []
+        except (TypeError, ValueError, NameError):
+            if not path.is_of_nan:
+                raise
+        return []
 
     def along(self, taken: dict[int, bool]) -> list[Any]:
         """Return the operands on all paths that begin with the answers `taken`."""
         self.count += 1
         tracer, path = self.tracer, _Path(self.tracer, taken)
-        tracer.decide = path.decide
-        rows = self.result()
+        rows = self.result(path)
         if not taken:
-            tracer.decide = _Path(tracer, taken).decide
-            if [*map(repr, rows)] != [*map(repr, self.result())]:  # equal operations share a number
+            again = self.result(_Path(tracer, taken))
+            if [*map(repr, rows)] != [*map(repr, again)]:  # equal operations share a number
                 how = "f must compute from x and its parameters alone, without random numbers or "
                 raise ValueError(f"two calls of f differ: {how}memory")
         questions = [*path.new]

@@ -134,7 +134,11 @@ def _turned(rule: Any) -> Any:
 def _power(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
     """Return (a + i b)**(c + i d): by products for an integer c, else by the principal branch."""
     if not _is(d, 0) or not isinstance(c, (int, float)):
-        return _exp(*_product(*_log(a, b), c, d))
+        real, imag = _exp(*_product(*_log(a, b), c, d))
+        if not isinstance(c, (int, float)) or c <= 0:
+            return real, imag
+        is_0 = np.hypot(a, b) == 0.0
+        return np.where(is_0, 0.0, real), np.where(is_0, 0.0, imag)
     if abs(c) > 128 or c != int(c):
         return _polar(np.hypot(a, b) ** c, c * np.arctan2(b, a))
     result, square, n = None, (a, b), int(abs(c))
@@ -145,6 +149,12 @@ def _power(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
         square = _product(*square, *square) if n else square
     result = result or (1.0, 0.0)
     return _quotient(1.0, 0.0, *result) if c < 0 else result
+
+
+def _sign(x: Any, y: Any) -> tuple[Any, Any]:
+    size = np.hypot(x, y)
+    size = np.where(size == 0.0, 1.0, size)
+    return x / size, y / size
 
 
 RULES: dict[str, Any] = {
@@ -176,7 +186,7 @@ RULES: dict[str, Any] = {
     "arcsinh": _turned(_arcsin),
     "arccosh": _arccosh,
     "arctanh": _arctanh,
-    "sign": lambda x, y: _quotient(x, y, np.hypot(x, y), 0.0),
+    "sign": _sign,
 }
 TO_REAL: dict[str, Any] = {
     "absolute": lambda x, y: abs(x) if _is(y, 0) else np.hypot(x, y),

@@ -50,7 +50,8 @@ def _operands(tracer: Tracer, f: Any) -> list[Any]:
     if callable(f):
         return operands_of("values", f, tracer)
     texts = [f] if isinstance(f, str) else f
-    if not isinstance(texts, (list, tuple)) or not all(isinstance(a, str) for a in texts):
+    is_list = isinstance(texts, (list, tuple)) and len(texts) > 0
+    if not is_list or not all(isinstance(a, str) for a in texts):
         raise wrong("values", "a function of the state, or formulas of its names", short(f))
     try:
         values = values_of([*enumerate(texts)], tracer.known, called_by_name)

@@ -38,10 +38,6 @@ class Untraceable(TypeError):
         MADE.count += 1  # f may catch the error, and would return a wrong formula
 
 
-class NoNumber(Untraceable):
-    """A symbol was to become a float, as in an array of floats."""
-
-
 class NotReal(Untraceable):
     """A complex number stands where a real one is wanted."""
 
@@ -86,6 +82,11 @@ def _are_truths(values: Any) -> bool:
     """Return True for an array of truth values and integers."""
     entries = np.ravel(_base(values)).tolist()
     return all(isinstance(a, int) or _is_truth(a) for a in entries)
+
+
+def _begins_with_truth(value: Any) -> bool:
+    first = next(value.flat, None) if isinstance(value, np.ndarray) else value
+    return not is_complex(first) and _is_truth(first)
 
 
 def _is_truth(value: Any) -> bool:
@@ -201,6 +202,11 @@ def _carried_out(self: Any, ufunc: Any, method: Any, *inputs: Any, **kwargs: Any
     is_of_user = not hasattr(np, name) and name not in _METHODS and "(" in name  # from np.vectorize
     if ufunc.signature is not None or is_of_user:  # NumPy computes these by methods of symbols
         return _wrapped(getattr(ufunc, method)(*map(_base, inputs), **_bases(name, kwargs)))
+    if ufunc is np.add and method == "__call__" and all(map(_begins_with_truth, inputs)):
+        raise Untraceable(
+            "a sum of two comparisons is 2 for numbers of Python, True for NumPy's: write "
+            "1.0 * (a > b) + (c > d), or | for or"
+        )
     function, _ = _function(name)
     if np.dtype(kwargs.get("dtype") or float).kind in "biu" and not _are_truths(inputs[0]):
         raise Untraceable(f"np.{name} makes integers of symbols: write np.trunc(x), without dtype")
@@ -539,7 +545,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     def _converted(self, *_: Any) -> Any:
         why = "is a symbol without a value, which is no float"
         how = f"write np.sin for sin of SymPy, {TABLES}"
-        raise NoNumber(f"{self} {why}: {how}")
+        raise Untraceable(f"{self} {why}: {how}")
 
     __float__ = __complex__ = _converted
 

@@ -17,7 +17,7 @@ from .branching import Raised, along_all_paths
 from .complex_symbols import parts_of_number
 from .names import OF_TIME, TIME
 from .namespaces import Names, is_copied
-from .symbols import MADE, TABLES, NoNumber, Symbols, Untraceable
+from .symbols import MADE, TABLES, Symbols, Untraceable
 from .tracer import Tracer, components
 
 _FAILURES = (
@@ -140,7 +140,7 @@ class UserFunction:
         try:
             rows = self._traced(tracer, Names())
         except (TypeError, ValueError) as error:
-            if not isinstance(error.__cause__, NoNumber):
+            if MADE.count == before:
                 raise
             try:  # it may write symbols into an array of its own numbers
                 rows = self._traced(tracer, Names(fills_all=True))
@@ -204,7 +204,9 @@ class UserFunction:
         if self.role in _ONE:
             return [result]
         if self.role in _ANY:
-            return np.ravel(np.array(result, object)).tolist()
+            if parts := np.ravel(np.array(result, object)).tolist():
+                return parts
+            raise ValueError(f"must return one or more numbers, not {short(result)}")
         if self.role != "mass":
             return _components(result, D)
         array = np.array([[result]] if D == 1 and np.ndim(result) == 0 else result, object)

@@ -56,7 +56,7 @@ def flow(
         variables are x1, x2, ..., as many as x0 has components, and it has no parameters.
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a field, or angular velocities of a body. A dictionary gives the
-        components by name. From a :class:`Motion` its solutions go on at their ends.
+        components by name. From a run or a motion its solutions go on at their ends.
     time : array_like(float, shape=() or (n,))
         Times counted from x0, in any order; all 0 or later, or all 0 or earlier. ``time=[5, 6]``
         is 5 and 6 after x0, not an interval. A number is one time, n = 1.

@@ -114,7 +114,7 @@ def iterate(
     x0 : array_like(float, shape=(..., D))
         Initial states: states x of a map or field, angular velocities (Omega1, Omega2) of a body in
         three dimensions, or the n - 1 components Omega_in of a body in n dimensions. A state that
-        contains NaN fails at step 0.
+        contains NaN fails at step 0. From a run or a motion its orbits go on at their ends.
     eps : array_like(float, shape=(...))
         Step size in time, 0 or from 1e-50 to 1e50 in modulus; not for a `Map`. A negative step
         size runs backwards in time, with the inverse map.

@@ -94,6 +94,13 @@ class Trajectories(States):
         return read_only(n * np.asarray(self.eps))
 
     @property
+    def _last(self) -> tuple[Any, Any]:
+        """The states and the times (...) from which another run or motion goes on."""
+        if not self.body._has_eps or self.body._layout.time_variable:
+            return self.final, None
+        return self.final, self._t0 + self.steps * np.asarray(self.eps)
+
+    @property
     def valid(self) -> NDArray[np.bool_]:
         """True for saved states before the first failure or pole, shape (n_saved, ...).
 

@@ -128,6 +128,13 @@ def test_quotients_and_functions_of_any_size():
     np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
+def test_signs_and_powers_of_zero_are_those_of_numpy():
+    def f(z):
+        return np.sign(z[0]), z[0] ** (1 + 1j), z[0] ** 0.5
+
+    assert Field(f, 3, complex=True)([0j, 0, 0]).tolist() == [*f(np.zeros(1, complex))] == [0, 0, 0]
+
+
 def test_rates_make_a_function_complex():
     """x0 = 1.0 of z' = i z is the complex number 1."""
     motion = flow(lambda z: (1j * z[0], -z[1]), [1.0, 2.0], time=1.0)

@@ -328,12 +328,25 @@ def test_functions_that_differ_in_numbers_share_machine_code():
     assert len({*codes}) == 2
 
 
-def test_shared_machine_code_keeps_the_derivative_of_powers():
-    """x**1.5 has the derivative 0 at 0, for which x*sqrt(x) has none."""
+def test_the_derivative_of_a_power_does_not_depend_on_how_it_is_written():
+    """Forms with the same operations share machine code, whichever came first."""
+
+    def powers(x):
+        return x[0] ** 1.5, x[1] ** 2.5, x[2] ** 3, (1 + x[3]) ** 4
+
+    def products(x):
+        square = (1 + x[3]) * (1 + x[3])
+        return np.sqrt(x[0]) * x[0], x[1] * x[1] * np.sqrt(x[1]), x[2] * x[2] * x[2], square**2
+
+    x = [0.0, 0.3, 1.7, 2e8]
+    [a, b] = (Field(f, 4).jacobian(x) for f in (powers, products))
+    np.testing.assert_array_equal(a, b)
+    exact = [0.0, 2.5 * 0.3**1.5, 3 * 1.7**2, 4 * (1 + 2e8) ** 3]
+    np.testing.assert_allclose(a, np.diag(exact), rtol=1e-15)
     for k in (2.0, 3.0):
         field = Field(lambda x, k=k: [-k * x[0] ** 1.5], 1)
         [(_, code, table)] = field._motion_lists(())
-        assert code.of.jacobian(np.zeros(1), table[0]) == 0.0
+        assert code.of_x.jacobian(np.zeros(1), table[0]) == 0.0
 
 
 def test_time_has_any_place_in_lagrangians():
@@ -388,6 +401,49 @@ def test_a_path_that_raises_has_no_value(f):
     assert motion.end == pytest.approx(math.log(2), abs=1e-6)
 
 
+def after_two_comparisons(y):
+    a, d = np.sqrt(y[0]), 7.0
+    if a > 1:
+        d = 1.0
+    elif a <= 1:
+        d = 2.0
+    return [d]
+
+
+def without_a_last_branch(y):
+    a = y[0] / abs(y[0])
+    if a > 0:
+        d = 1.0
+    elif a <= 0:
+        d = 2.0
+    return [d]
+
+
+def test_nan_is_on_neither_side():
+    """Python takes neither branch for NaN; a function that has no value then is NaN."""
+    field = Field(after_two_comparisons, 1)
+    assert [field([a])[0] for a in (4.0, 0.25, -1.0)] == [1, 2, 7]
+    field = Field(without_a_last_branch, 1)
+    assert [field([a])[0] for a in (4.0, -0.25)] == [1, 2]
+    assert np.isnan(field([0.0])).all()
+
+
+def test_a_sum_of_two_comparisons_has_two_meanings():
+    """It is 2 for Python's numbers and True for NumPy's; a sum that begins with a number is 2."""
+    for f in (lambda y: [(y[0] > 0) + (y[0] > 1)], lambda y: ((y > 0) + (y > 1)) * 1.0):
+        with pytest.raises(TypeError, match="True for NumPy"):
+            Field(f, 1)
+    for f in (lambda y: [sum([y[0] > 0, y[0] > 1])], lambda y: [np.sum([y[0] > 0, y[0] > 1])]):
+        assert Field(f, 1)([2.0])[0] == f(np.array([2.0]))[0] == 2.0
+
+
+def test_results_without_numbers():
+    motion = flow(Field(lambda y: [-y[0]], 1), [1.0], time=1.0)
+    for nothing in (lambda y: (), []):
+        with pytest.raises((TypeError, ValueError), match=r"^values"):
+            motion.values(nothing)
+
+
 def test_errors_on_all_paths_are_raised():
     def f(y):
         if y[0] > 0:
@@ -396,6 +452,17 @@ def test_errors_on_all_paths_are_raised():
 
     with pytest.raises(ValueError, match="no value above 0"):
         Field(f, 1)
+
+
+def filled_by_flat_indices(y):
+    v = np.array([0.0, 0.0])
+    v.flat[0] = 2 * y[1]
+    v.flat[1] = y[0]
+    return v
+
+
+def test_arrays_are_filled_by_flat_indices():
+    assert Field(filled_by_flat_indices, 2)([1.0, 3.0]).tolist() == [6, 1]
 
 
 def test_arrays_from_outside_are_filled_by_copies():

@@ -80,11 +80,20 @@ def test_a_run_goes_on_from_its_last_states(name):
     body, omega0, eps, _, options = RUNS[name]
     given = {"on_singular": "ignore", "save_every": None, "method": options.get("method", "auto")}
     whole, half = (sf.iterate(body, omega0, eps, steps, **given) for steps in (60, 40))
-    last = sf.iterate(body, half.final, eps, 20, **given).final
+    last = sf.iterate(body, half, eps, 20, **given).final
     if isinstance(body, sf.Suslov3D):
         np.testing.assert_allclose(last, whole.final, rtol=1e-13, atol=1e-13)
     else:
         np.testing.assert_array_equal(last, whole.final)
+
+
+def test_a_run_of_a_driven_system_goes_on_at_its_time():
+    field = sf.Field(lambda t, x: (x[1], -t * x[0]), "x v")
+    eps = np.array([0.01, 0.02])
+    whole, half = (sf.iterate(field, [1.0, 0.0], eps, steps, t0=0.5) for steps in (300, 200))
+    np.testing.assert_allclose(sf.iterate(field, half, eps, 100).final, whole.final, 1e-12)
+    expected = sf.flow(field, half.final, time=1.0, t0=0.5 + 200 * eps)
+    np.testing.assert_array_equal(sf.flow(field, half, time=1.0).final, expected.final)
 
 
 def test_parameters_as_coordinates():

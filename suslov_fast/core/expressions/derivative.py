@@ -13,13 +13,15 @@ def gradients(values, operations, results, D, by=()):
     (see `along`). Derivatives that are 0 are missing. `operations` compute `results`; the
     operations of derivatives are added to `values`.
     """
-    rows = {i: {i: 1.0} for i in (*range(D), *by)}
+    rows, powers = {i: {i: 1.0} for i in (*range(D), *by)}, {}
     for instruction, number, operands in operations:
+        if power := _power_of(instruction, operands, powers):
+            powers[number] = power
         if instruction == ENTRY or is_matrix(instruction):
             is_own = instruction == ENTRY and (by or number not in values.fixed)
             rows[number] = {number: 1.0} if is_own else {}
         elif (by or number not in values.fixed) and instruction not in OF_TRUTH_VALUES:
-            rows[number] = _row(values, instruction, number, operands, rows)
+            rows[number] = _row(values, instruction, number, operands, rows, powers)
     return [{} if isinstance(a, float) else dict(rows.get(a, {})) for a in results]
 
 
@@ -35,11 +37,27 @@ def gradients_along(values, results, D, v):
     return rows[count:], along(values.emit, products, rows[:count], v)[1]
 
 
-def _row(values, instruction, number, operands, rows):
+def _power_of(instruction, operands, powers):
+    """Return (a, c) if an operation is a**c, by a product or a root; else None.
+
+    `powers` are those of earlier operations. x**1.5 is a product, and has the derivative 0 at 0.
+    """
+    if instruction == "sqrt":
+        return operands[0], 0.5
+    if instruction == "fmul" and float not in map(type, operands):
+        a, b = operands
+        for base, c in (powers.get(a, (a, 1.0)), (a, 1.0)):
+            for other, d in (powers.get(b, (b, 1.0)), (b, 1.0)):
+                if base == other:
+                    return base, c + d
+    return None
+
+
+def _row(values, instruction, number, operands, rows, powers):
     """Return {j: operand of the derivative} of value `number`, from the `rows` of `operands`."""
-    emit, (name, written, *_) = values.emit, values.written.get(number, ("", ()))
-    if name == "power" and isinstance(written[1], float) and not isinstance(written[0], float):
-        a, c = written  # a**c has the derivative c a**(c - 1) a'
+    emit = values.emit
+    if instruction == "fmul" and number in powers:
+        a, c = powers[number]  # a**c has the derivative c a**(c - 1) a'
         factor = emit("fmul", c, FUNCTIONS["power"].rule(values, a, c - 1.0))
         return _sum(emit, [(factor, rows.get(a, {}))])
     of = [{} if isinstance(a, float) else rows.get(a, {}) for a in operands]

@@ -12,6 +12,7 @@ write. Loops are `Code.each` and `Code.rounds`, which carry on values in a `Carr
 """
 
 import itertools
+import struct
 from contextlib import contextmanager
 from types import SimpleNamespace
 
@@ -23,6 +24,7 @@ from ..expressions.tables import LARGEST, Table, is_table
 from .compiler import pointer
 
 WRITTEN_OUT = 4  # the most rounds of a loop that is unrolled where it takes much of the time
+_NUMBER, _BITS = struct.Struct("d"), struct.Struct("Q")
 AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, if there are MANY rows
 
 
@@ -45,7 +47,7 @@ class _Name:
 
     def _operate(self, instruction, a, b):
         a, b = self._number(a), self._number(b)
-        return type(self)(self.text, self.text.new(f"{instruction} {self.kind} {a}, {b}"))
+        return type(self)(self.text, self.text.known(f"{instruction} {self.kind} {a}, {b}"))
 
 
 def _add_operators(cls, **instructions):
@@ -108,7 +110,7 @@ class _Comparable(_Name):
 
     def _compare(self, how, other):
         comparison = f"{self.comparison} {how} {self.kind} {self}, {self._number(other)}"
-        return Truth(self.text, self.text.new(comparison), self.of_comparison)
+        return Truth(self.text, self.text.known(comparison), self.of_comparison)
 
     def equals(self, other):
         return self._compare(self.equal, other)
@@ -266,6 +268,7 @@ class Code:
         self.W, self.target, self.size = W, target or self, size or 8 * W
         self.lines, self.count, self.blocks = [], 0, 0
         self.declared, self.functions, self.arrays_of_text = set(), {}, []
+        self.names = {}  # {instruction: name of its value} of the basic block, see `known`
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
         self.I = f"<{W} x i64>" if W > 1 else "i64"
@@ -292,6 +295,17 @@ class Code:
         self.target.lines.append(f"  %v{self.target.count} = {instruction}")
         return f"%v{self.target.count}"
 
+    def known(self, instruction):
+        """Return the name of the value of an instruction that depends on its operands alone.
+
+        An earlier one of the same basic block serves again: most repeat addresses.
+        """
+        names = self.target.names
+        name = names.get(instruction)
+        if name is None:
+            name = names[instruction] = self.new(instruction)
+        return name
+
     def jump(self, label):
         self.add(f"  br label %{label}")
 
@@ -301,11 +315,11 @@ class Code:
         self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
 
     def load(self, kind, address, align=8):
-        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        pointed = self.known(f"inttoptr i64 {address} to {pointer(kind)}")
         return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
 
     def store(self, kind, value, address, how="", align=8):
-        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        pointed = self.known(f"inttoptr i64 {address} to {pointer(kind)}")
         self.add(f"  store {how}{kind} {value}, {pointer(kind)} {pointed}, align {align}")
 
     def _name(self, kind):
@@ -315,6 +329,7 @@ class Code:
     def label(self, name):
         self.target.lines.append(f"{name}:")
         self.block = self.target.block = name
+        self.target.names = {}
 
     def begin(self, name, *arguments, result="i64"):
         """Begin the function name(arguments); `arguments` are the names of integers."""
@@ -527,7 +542,7 @@ class Code:
         if isinstance(i, int):
             return base + self.size * (first + i)
         # `freeze` keeps one counter for all rows of a loop: LLVM would make one of each address.
-        row = Index(self, self.new(f"freeze i64 {base + i * self.size}"))
+        row = Index(self, self.known(f"freeze i64 {base + i * self.size}"))
         return row + self.size * first
 
     def short(self, address, k):
@@ -559,7 +574,7 @@ class Code:
     # --------------------------------------------------------------------------------------- lists
     def constant(self, number):
         """Return W equal constants as text, without their type V."""
-        bits = f"0x{np.float64(number).view(np.uint64):016X}"
+        bits = f"0x{_BITS.unpack(_NUMBER.pack(number))[0]:016X}"
         return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
 
     def splat(self, number):

@@ -27,7 +27,7 @@ from ..core.expressions.programs import (
     emitted,
     program_of,
 )
-from ..core.expressions.projection import OFF, ROUNDING
+from ..core.expressions.tolerances import OFF_CONSTRAINTS, ROUNDING_OF_RESIDUALS
 from ..core.expressions.values import larger
 from ..core.hybrid.constraint_forces import ExtendedState
 from ..core.hybrid.event_formulas import EventAction, KeyedProgram, components_of
@@ -123,7 +123,8 @@ class _Reactions:
         residuals = self.at(self._program("residuals"))
         largest, is_on = reduce(larger, terms), number(0.0).equals(0.0)
         for g, size in zip(residuals[k:], terms[k:], strict=True):
-            is_on = is_on & (abs(number(g)) <= larger(OFF * size, ROUNDING * largest))
+            most = larger(OFF_CONSTRAINTS * size, ROUNDING_OF_RESIDUALS * largest)
+            is_on = is_on & (abs(number(g)) <= most)
         return is_on
 
     def _rate_of_bounce(self, action: EventAction) -> Program | None:

@@ -13,11 +13,12 @@ from .. import checks
 from ..calls import ALL, available
 from ..checks import FloatArray
 from ..core.flow.batch_solver import COLUMNS, BatchSolver, SolverRequest, closer
-from ..core.flow.growing_components import LATER, TRIES
+from ..core.flow.growing_components import TRIES
 from ..core.flow.held import STATUS as STATUS
 from ..core.flow.integrator import Integrator
 from ..core.flow.memory import LaneState
 from ..core.flow.small_batches import solve_small_batch
+from ..core.flow.tolerances import SAME_END
 from ..fields.right_hand_sides import OfMembers
 from ..status import Status
 
@@ -322,7 +323,7 @@ def _again(
         plain = _result_of(run(where, np.zeros((len(where), f.of_x.D)), False), starts[where])
         ends, last = plain.all_ends, result.all_ends.t[where]
         ends.doubtful[:] = NO_DIGITS
-        (lasts,) = np.nonzero(np.isnan(ends.t) | (abs(ends.t) > LATER * abs(last)))
+        (lasts,) = np.nonzero(np.isnan(ends.t) | (abs(ends.t) > SAME_END * abs(last)))
         result = result.again(where, plain._replace(ends=ends), lasts)
     result.all_ends.repeated[first] = 1
     return result

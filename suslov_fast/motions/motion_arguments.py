@@ -11,8 +11,8 @@ import numpy as np
 from .. import checks
 from ..calls import flat_arrays, thread_count
 from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
-from ..core.flow.batch_solver import LEAST_RTOL, Settings, SolverRequest
-from ..core.flow.step_length import MOST_TRIES
+from ..core.flow.batch_solver import Settings, SolverRequest
+from ..core.flow.tolerances import LEAST_RTOL, MOST_TRIES
 from ..fields.constraints import check_constraints, constraints_of
 from ..fields.layout import Layout, parts_of_name
 from ..results.result import read_only

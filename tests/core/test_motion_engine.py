@@ -12,7 +12,7 @@ from systems import LORENZ, SPRING, kepler, lorenz_96, rates_of_henon_heiles, ro
 
 from suslov_fast import Field, flow
 from suslov_fast.core.expressions import numpy_evaluation
-from suslov_fast.core.flow import batch_solver, step_length, vector_functions
+from suslov_fast.core.flow import batch_solver, linearly_implicit, step_length
 from suslov_fast.core.flow.batch_solver import BatchSolver, SolverRequest
 from suslov_fast.core.flow.integrator import check_owners
 from suslov_fast.core.flow.memory import LaneState
@@ -194,9 +194,9 @@ def test_bits_do_not_depend_on_the_batch(name, monkeypatch):
         assert [*pool.map(compare, parts)] == [None] * len(parts)
     many = np.arange(60) % len(x0)
     of = field[many] if field.shape else field
-    monkeypatch.setattr(batch_solver, "BLOCK", 8)
+    monkeypatch.setattr(batch_solver, "TRAJECTORIES_OF_THREAD", 8)
     assert_same(flow(of, x0[many], time=times, threads=children.TWO_THREADS), whole, many)
-    monkeypatch.setattr(batch_solver, "BUDGET", 1)
+    monkeypatch.setattr(batch_solver, "WORK_WITHOUT_PAUSE", 1)
     assert_same(flow(field, x0, time=times), whole)
 
 
@@ -214,7 +214,7 @@ PATTERNS = {
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_implicit_steps_of_linear_systems(pattern, longest, monkeypatch):
     """By a list of operations, and by columns, of one orbit and of eight."""
-    monkeypatch.setattr(vector_functions, "LONGEST", longest)
+    monkeypatch.setattr(linearly_implicit, "MOST_IN_LINE", longest)
     D = int(np.max(PATTERNS[pattern])) + 1 + (longest < 0)  # each way has code of its own
     A = np.diag(-np.geomspace(1.0, 1000.0, D))
     A[*PATTERNS[pattern]] += 0.3 * random(D, len(PATTERNS[pattern][0]))

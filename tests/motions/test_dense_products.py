@@ -39,13 +39,13 @@ FORMS = {
 
 @pytest.fixture(autouse=True)
 def small_matrices_are_large(monkeypatch):
-    monkeypatch.setattr(dense_product, "LEAST", 200)
+    monkeypatch.setattr(dense_product, "LEAST_ENTRIES", 200)
 
 
 def both(f, monkeypatch):
     """Return fields with products as operations, and as written sums."""
     short = Field(f, NAMES, a=0.3)
-    monkeypatch.setattr(dense_product, "LEAST", 10**9)
+    monkeypatch.setattr(dense_product, "LEAST_ENTRIES", 10**9)
     long = Field(f, NAMES, a=0.3)
     counts = [len(own._equations.products[0].operations) for own in (short, long)]
     assert 3 * counts[0] < counts[1]

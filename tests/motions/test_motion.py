@@ -259,7 +259,7 @@ def test_solutions_that_need_ever_shorter_steps():
 
 # ---------------------------------------------------------------------------------------- progress
 def test_progress(rng, monkeypatch):
-    monkeypatch.setattr(batch_solver, "BUDGET", 2**12)
+    monkeypatch.setattr(batch_solver, "WORK_WITHOUT_PAUSE", 2**12)
     x, times, seen = rng.normal(size=(40, 4)) / 9, [0.0, 1.0, 1.0, 200.0], []
     found = flow(HENON_HEILES, x, time=times, progress=lambda *each: seen.append(each))
     assert len(seen) > 2

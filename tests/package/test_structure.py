@@ -231,6 +231,54 @@ def test_no_orbit_goes_on_from_last_digits_of_lapack():
     assert found == {*OF_LAPACK}
 
 
+# Numbers in rooms with `tolerances.py` that stand beside their formulas: tables, marks, masks.
+BESIDE_FORMULAS = {
+    "core/expressions/dense_product": "ROWS_AT_ONCE",
+    "core/expressions/elementary": "LARGE_ANGLE _LEAST_NORMAL _ONE _ROOT_HALF _SHIFT",
+    "core/expressions/orthonormal_frame": "SHIFT",
+    "core/flow/events/actions": "LEAST_POSITIVE STAYS",
+    "core/flow/events/branch_choice": "_BEFORE",
+    "core/flow/growing_components": "RELATIVE",
+    "core/flow/held": "OF_ANOTHER _ENDLESS",
+    "core/flow/memory": "BEGINS",
+    "core/hybrid/double_crossings": "MIDDLE",
+    "core/hybrid/event_formulas": "GAP OF_SURFACE",
+}
+
+
+def numbers_of(path):
+    """Yield the names of the numbers that a file defines; numbers in tables have no name."""
+    for node in ast.parse(TEXTS[path]).body:
+        if isinstance(node, ast.Assign):
+            [target] = node.targets
+            pairs = [(target, node.value)]
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = zip(target.elts, node.value.elts, strict=True)
+            for name, value in pairs:
+                parts = [*ast.walk(value)]
+                kinds = ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop
+                constants = [part.value for part in parts if isinstance(part, ast.Constant)]
+                is_number = constants and all(type(a) in (int, float) for a in constants)
+                if is_number and all(isinstance(part, kinds) for part in parts):
+                    yield name.id
+
+
+def test_tolerances_have_one_place_and_one_name():
+    rooms = [path for path in TEXTS if path.name == "tolerances.py"]
+    owners = [(name, path) for path in rooms for name in numbers_of(path)]
+    assert len({name for name, _ in owners}) == len(owners) > 100
+    read = {
+        a for path, text in TEXTS.items() if path not in rooms for a in re.findall(r"\w+", text)
+    }
+    assert {name for name, _ in owners} <= read
+    beside = {}
+    for path in TEXTS:
+        in_room = path not in rooms and any(path.is_relative_to(room.parent) for room in rooms)
+        if names := in_room and " ".join(sorted(numbers_of(path))):
+            beside[path.relative_to(PACKAGE).with_suffix("").as_posix()] = names
+    assert beside == BESIDE_FORMULAS
+
+
 def test_arrays_live_longer_than_those_without_reference_counts():
     """Numba frees an array after its last use, which has to be `keep` where a function made it."""
     kept_somewhere = set()

@@ -14,12 +14,10 @@ import numpy as np
 
 from .function_records import FUNCTIONS
 from .programs import Expressions, dot, renamed
+from .tolerances import LEAST_ENTRIES, LEAST_FILL
 
 ENTRY, _SUMS = "entry", ("fadd", "fsub")
-AT_ONCE = 16  # rows of a matrix that machine code may take at once
-# A product with a matrix is a loop, not a written sum, if at least LEAST of its entries, and
-# the part LEAST_PART of all, are not 0 (`is_large`).
-LEAST, LEAST_PART = 24 * 24, 0.25
+ROWS_AT_ONCE = 16  # rows of a matrix that machine code may take at once
 
 
 class DenseMatrix(str):
@@ -46,8 +44,8 @@ class DenseMatrix(str):
 
     @property
     def height(self):
-        """The number of rows, rounded up to AT_ONCE."""
-        return -(-len(self.matrix) // AT_ONCE) * AT_ONCE
+        """The number of rows, rounded up to ROWS_AT_ONCE."""
+        return -(-len(self.matrix) // ROWS_AT_ONCE) * ROWS_AT_ONCE
 
     def address(self, rows):
         """Return the address of entries in blocks of `rows` rows, each block column by column."""
@@ -66,7 +64,8 @@ def is_matrix(instruction):
 
 def is_large(matrix):
     """Return True if loops are faster than a written sum of the entries that are not 0."""
-    return matrix.size >= LEAST and np.count_nonzero(matrix) >= max(LEAST, LEAST_PART * matrix.size)
+    least = max(LEAST_ENTRIES, LEAST_FILL * matrix.size)
+    return matrix.size >= LEAST_ENTRIES and np.count_nonzero(matrix) >= least
 
 
 def expanded(values, operands):
@@ -99,7 +98,7 @@ def roll(values):
     values become one matrix. If all constants of a row have the same parameters as factors or
     divisors, as in (g * W) @ x, the entry of the product is multiplied or divided by these.
     """
-    if len(values.of) < 2 * LEAST:
+    if len(values.of) < 2 * LEAST_ENTRIES:
         return
     uses = Counter(a for _, of in values.of.values() for a in of if type(a) is int)
     sums = {number for number, (name, _) in values.of.items() if name in _SUMS}
@@ -117,9 +116,9 @@ def roll(values):
     new = count(-1, -1)  # numbers of new values, unlike all old numbers
     for group in groups:
         often = Counter(chain.from_iterable(group)).items()
-        most = {key for key, n in often if n > LEAST_PART * len(group)}
+        most = {key for key, n in often if n > LEAST_FILL * len(group)}
         rows = [[*takewhile(lambda a, most=most: a[0] in most, row.items())] for row in group]
-        rows = [row for row in rows if len(row) > LEAST_PART * len(most)]
+        rows = [row for row in rows if len(row) > LEAST_FILL * len(most)]
         columns = {key: j for j, key in enumerate(sorted(most))}
         matrix = np.zeros((len(rows), len(columns)))
         for i, row in enumerate(rows):

@@ -13,7 +13,7 @@ class DenseRightHandSide(RightHandSide):
     Its parameters, like its table, are for each i: c_i, l_ij for all j, and q_ijk for all j and k.
     """
 
-    is_dense, products, longest = True, (), inf
+    is_dense, is_written, products, longest = True, True, (), inf
     clocks = steady = of_one_sign = denominators = fixed = ()
 
     def __init__(self, D):

@@ -7,9 +7,7 @@ expanded into terms, but quotients and other functions are not.
 import numpy as np
 
 from .programs import depending
-
-_MOST_TERMS, _MOST_FACTORS = 4096, 8  # the most terms and factors of a product that is expanded
-_ROUNDING = 1e-14  # rounding error of a coefficient, relative to the sum of the moduli of its parts
+from .tolerances import MOST_FACTORS, MOST_TERMS, ROUNDING_OF_COEFFICIENTS
 
 
 def coefficients(f, table):
@@ -47,7 +45,7 @@ def coefficients(f, table):
     for i, row in enumerate(rows):
         for key, c in row.items():
             both[:, :, i, keys.index(key)] = c
-    C = np.where(abs(both[0]) <= _ROUNDING * both[1], 0.0, both[0])
+    C = np.where(abs(both[0]) <= ROUNDING_OF_COEFFICIENTS * both[1], 0.0, both[0])
     largest = abs(C).max(axis=1, keepdims=True, initial=0.0)
     return C / np.where(largest > 0.0, largest, 1.0)
 
@@ -62,7 +60,7 @@ def _sum(parts):
 
 def _are_short(a, b):
     degree = sum(max(map(len, part), default=0) for part in (a, b))
-    return len(a) * len(b) <= _MOST_TERMS and degree <= _MOST_FACTORS
+    return len(a) * len(b) <= MOST_TERMS and degree <= MOST_FACTORS
 
 
 def _product(a, b):

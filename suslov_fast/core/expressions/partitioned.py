@@ -18,8 +18,7 @@ from .dense_product import ENTRY, is_matrix
 from .numpy_evaluation import OF_LISTS
 from .programs import needed_for, program_of
 from .symbolic_elimination import bits_of
-
-_FUNCTION = 40  # how many operations take the time of an elementary function
+from .tolerances import WORK_OF_FUNCTION
 
 
 class ComponentSets(NamedTuple):
@@ -80,7 +79,7 @@ def _colours(reads):
 def _work(f, components):
     """Return about how many operations the rates of `components` of a `RightHandSide` f take."""
     operations = needed_for(f.rates.operations, [f.rates.results[i] for i in components])
-    return sum(_FUNCTION if name in OF_LISTS else 1 for name, *_ in operations)
+    return sum(WORK_OF_FUNCTION if name in OF_LISTS else 1 for name, *_ in operations)
 
 
 class _Kind(NamedTuple):

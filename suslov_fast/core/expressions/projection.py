@@ -7,8 +7,9 @@ x <- x - W J^T (J W J^T)**-1 (I(x) - c).
 Constraints of mechanics come first: a step moves coordinates q alone to g(q) = 0, and a step moves
 velocities v alone to phi(q, v) = 0. If there are first integrals, a step with all invariants
 follows. An integral that depends on the invariants before it, up to rounding, is left out: its
-pivot is LEAST of its diagonal entry or less. This last step is left out if it is longer than MOST
-allowed errors, or changes a sign that f keeps, as near states where J loses rank.
+pivot is ZERO_PIVOT of its diagonal entry or less. This last step is left out if it is longer than
+MOST_MOVE_TO_LEVELS allowed errors, or changes a sign that f keeps, as near states where J loses
+rank.
 
 Constraints must be independent along the motion: the matrix A = phi_v must keep its rank. Let A_0
 and A_1 be A at the ends of a step, and c_a and p_a the pivots of A_0 A_1^T and A_1 A_1^T. If the
@@ -20,20 +21,18 @@ from typing import Any, NamedTuple
 
 from .programs import Expressions, dot, emitted, program_of
 from .symbolic_elimination import elimination_order
+from .tolerances import (
+    CANCELLED_BY_PROJECTION,
+    FALL_OF_RANK,
+    LEAST_WEIGHT,
+    MOST_MOVE_TO_LEVELS,
+    NEAR_LOSS_OF_RANK,
+    OFF_CONSTRAINTS,
+    ROUNDING_OF_PIVOTS,
+    ROUNDING_OF_RESIDUALS,
+    ZERO_PIVOT,
+)
 from .values import joined, larger, smaller
-
-LEAST, MOST = 2.0**-40, 64.0
-# To constraints components move with weights w_j of at least SMALLEST times the largest weight: the
-# allowed error of a component that is 0 but for rounding is next to nothing.
-SMALLEST = 2.0**-20
-# States are on the constraints if residuals are at most OFF times the sums of moduli of their
-# terms, or ROUNDING times the largest of these sums.
-OFF, ROUNDING = 1e-7, 1e-13
-CANCELLED = 2.0**-40  # components that constraints keep at 0 are 0, not what rounding leaves
-# In a step A may fall to a part 1 / (1 + FALL), and the distance to a state where it loses rank
-# must stay above NEAR allowed errors.
-FALL, NEAR = 2.0, 8.0
-OF_PIVOTS = 2.0**-46  # rounding errors of pivots, as a part of their diagonal entries
 
 
 class Kept(NamedTuple):
@@ -86,9 +85,9 @@ class _Formulas:
         return found[: len(rows)], J
 
     def weights(self, moving):
-        """Return {j: w_j} for the components `moving`, with at least SMALLEST of the largest."""
+        """Return {j: w_j} for the components `moving`, at least LEAST_WEIGHT of the largest."""
         w = {j: self.values.number(self.f.D + j) for j in sorted(moving)}
-        least = SMALLEST * joined("max", w.values()) if w else None
+        least = LEAST_WEIGHT * joined("max", w.values()) if w else None
         return {j: larger(a, least) for j, a in w.items()}
 
     def moves(self, r, J, w):
@@ -134,7 +133,7 @@ class _Elimination:
     def _eliminate(self, n, a):
         """Subtract multiples of row a from the rows that follow it in the order."""
         G, emit, number = self.G, self.values.emit, self.values.number
-        pivot, least = number(G[a][a]), number(self.diagonal[n]) * LEAST
+        pivot, least = number(G[a][a]), number(self.diagonal[n]) * ZERO_PIVOT
         inverse = (pivot > least).select(1.0 / pivot, 0.0).number
         later = [b for b in self.order[n + 1 :] if b in G[a]]
         factors = [emit("fmul", G[b][a], inverse) for b in later]
@@ -146,7 +145,7 @@ class _Elimination:
         self.steps.append((a, inverse, [*zip(later, factors, strict=True)]))
 
     def solution(self, r):
-        """Return the solution mu of G mu = r for a symmetric G; 0 where the pivot is LEAST."""
+        """Return the solution mu of G mu = r for a symmetric G; 0 where the pivot is ZERO_PIVOT."""
         emit, r, mu = self.values.emit, [*r], [None] * len(r)
         for a, _, later in self.steps:
             for b, factor in later:
@@ -169,12 +168,12 @@ def projection_of(f):
         parts, _ = formulas.moves(r, J, {j: a.number for j, a in w.items()})
         for j, part in parts.items():
             new = number(x[j]) - part * w[j]
-            x[j] = (abs(new) > CANCELLED * abs(number(x[j]))).select(new, 0.0).number
+            x[j] = (abs(new) > CANCELLED_BY_PROJECTION * abs(number(x[j]))).select(new, 0.0).number
     if k > f.constraints_count:
         values, J = formulas.at(x, range(k), range(D))
         r = [formulas.values.emit("fsub", a, 2 * D + n) for n, a in enumerate(values)]
         parts, square = formulas.moves(r, J, allowed)
-        is_right, new = square <= MOST * MOST, {}
+        is_right, new = square <= MOST_MOVE_TO_LEVELS * MOST_MOVE_TO_LEVELS, {}
         for j, part in parts.items():
             new[j] = number(x[j]) - part * number(allowed[j])
             if j in f.of_one_sign:
@@ -198,11 +197,12 @@ def regular_of(f):
     w = formulas.weights(range(f.positions))
     steps = [abs(number(j) - number(before[j])) / w[j] for j in range(f.positions)]
     length = joined("max", [larger(each, 0.0) for each in steps])  # 0 for 0 / 0
-    fall = smaller(length / NEAR, FALL)
+    fall = smaller(length / NEAR_LOSS_OF_RANK, FALL_OF_RANK)
     is_regular = number(0.0).equals(0.0)
     for c, p, entry in zip(between.pivots, at_end.pivots, at_end.diagonal, strict=True):
         c, p = number(c), number(p)
-        is_regular = is_regular & (c > 0.0) & (c - p <= fall * p + OF_PIVOTS * number(entry))
+        is_regular = is_regular & (c > 0.0)
+        is_regular = is_regular & (c - p <= fall * p + ROUNDING_OF_PIVOTS * number(entry))
     found = is_regular.select(1.0, (length < 1.0).select(-1.0, 0.0))
     return program_of(formulas.values.operations, [found.number])
 
@@ -224,11 +224,12 @@ def test_of_start(f):
     largest, is_true = joined("max", sizes), number(0.0).equals(0.0)
     is_on, is_regular = is_true, is_true
     for residual, size in zip(residuals, sizes, strict=True):
-        is_on = is_on & (residual <= larger(OFF * size, ROUNDING * largest))
+        most = larger(OFF_CONSTRAINTS * size, ROUNDING_OF_RESIDUALS * largest)
+        is_on = is_on & (residual <= most)
     phi, v = formulas.halves()[1]
     A = [{j: a for j, a in slopes[row].items() if j in v} for row in phi]
     elimination = _Elimination(formulas.values, A, A)
     for pivot, entry in zip(elimination.pivots, elimination.diagonal, strict=True):
-        is_regular = is_regular & (number(pivot) > LEAST * number(entry))
+        is_regular = is_regular & (number(pivot) > ZERO_PIVOT * number(entry))
     tests = [each.select(1.0, 0.0).number for each in (is_on, is_regular)]
     return program_of(formulas.values.operations, [*tests, joined("max", residuals).number])

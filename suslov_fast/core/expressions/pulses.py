@@ -3,18 +3,17 @@
 Between the pulses of a function such as sin(t)**1000, f is constant, so a long step may miss pulses
 and yet have no estimated error. Powers sin(a)**d, products of d waves sin(a), and functions such as
 exp and tanh of d cos(a) have pulses at least as wide as the Gaussian exp(-d a**2 / 2). The width in
-time is d**-1/2 / a', with the rate a' of the phase. A step is at most REACH widths long; then two
-neighbouring points at which f is evaluated are less than five widths apart.
+time is d**-1/2 / a', with the rate a' of the phase. A step is at most REACH_OF_PULSE widths long;
+then two neighbouring points at which f is evaluated are less than five widths apart.
 """
 
 from math import inf
 from typing import NamedTuple
 
 from .function_records import RECORDS
+from .tolerances import NARROW_PULSE, REACH_OF_PULSE
 from .values import Number, larger, smaller
 
-# Steps are at most REACH widths of a pulse exp(-d a**2 / 2). Wide ones, d <= NARROW, set no limit.
-REACH, NARROW = 24.0, 16.0
 _NARROWING = {name for name, record in RECORDS.items() if record.narrows}
 _LINEAR, _PLAIN = ("fadd", "fsub", "fmul", "fdiv"), ("fabs", "max", "min", "select", "sqrt")
 
@@ -73,6 +72,7 @@ def longest_step(values, f, steady):
         elif name not in _LINEAR + _PLAIN:
             continue
         known[result] = _Wave(size, rate, d)
-        if not (isinstance(d.number, float) and d.number <= NARROW):
-            longest = smaller((d > NARROW).select(REACH / (rate * d).sqrt(), inf), longest)
+        if not (isinstance(d.number, float) and d.number <= NARROW_PULSE):
+            own = (d > NARROW_PULSE).select(REACH_OF_PULSE / (rate * d).sqrt(), inf)
+            longest = smaller(own, longest)
     return longest.number

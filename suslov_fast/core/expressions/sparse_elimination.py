@@ -7,8 +7,8 @@ columns before it. The numbers w_i of a work row begin with a_ij; then, for each
 w_i -= l_ik w_k for i > k;    u_ij = w_i / d_i (i < j),    d_j = w_j,    l_ij = w_i / d_j (i > j).
 
 The rows of a column in L, or in U, form spans of consecutive rows. So a loop needs two integers for
-many products; dense matrices have one span in each column. Spans that are less than NEAR rows apart
-are joined, because a span costs as much time as some NEAR products with 0.
+many products; dense matrices have one span in each column. Spans that are less than JOINED_GAP rows
+apart are joined, because a span costs as much time as some JOINED_GAP products with 0.
 """
 
 from typing import NamedTuple
@@ -16,9 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .symbolic_elimination import bits_of
-
-# Gaps of less than NEAR rows join spans. 8 is faster on lattices of 144 variables, not of 784.
-NEAR = 4
+from .tolerances import JOINED_GAP
 
 
 class ColumnOffsets(NamedTuple):
@@ -94,10 +92,11 @@ def _below_and_above(sets):
 def _spans(columns, rows):
     """Return an array (3, n): column, first row and number of rows of each span.
 
-    `columns` and `rows` are places of entries in order; gaps of less than NEAR rows are included.
+    `columns` and `rows` are places of entries in order; gaps of less than JOINED_GAP rows are
+    included.
     """
     is_first = np.ones(len(rows), bool)
-    is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > NEAR)
+    is_first[1:] = (np.diff(columns) != 0) | (np.diff(rows) > JOINED_GAP)
     begin = np.flatnonzero(is_first)
     last = np.append(begin[1:], len(rows))[: len(begin)] - 1
     return np.stack([columns[begin], rows[begin], rows[last] - rows[begin] + 1])

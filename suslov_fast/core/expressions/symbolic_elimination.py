@@ -10,10 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from .programs import Program, Values, dot, emitted, program_of
+from .tolerances import LEAST_PIVOT
 from .values import joined
-
-# The least pivot, as a part of the largest, with which elimination without exchanges is accurate.
-LEAST_PIVOT = 2.0**-6
 
 
 def places_of(indices, D):

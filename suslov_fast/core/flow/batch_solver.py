@@ -12,6 +12,7 @@ from ..cached import cached_property
 from ..llvm.compiler import address_of, compiled
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
+from .allowed_errors import floors_of
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, SharedNumbers
 from .events.actions import most_records
 from .events.records import size_of
@@ -20,14 +21,17 @@ from .integrator import Integrator
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, by_code
 from .rules import rule_of
-from .step_length import MOST_TRIES, first_part, limit_of
+from .step_length import first_part, limit_of
 from .step_loop import text_of_integrator
-from .tolerance import floors_of
+from .tolerances import (
+    LEAST_RTOL,
+    LONGEST_PART,
+    MOST_TRIES,
+    TRAJECTORIES_OF_THREAD,
+    WIDTH,
+    WORK_WITHOUT_PAUSE,
+)
 
-WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
-BLOCK = 1024  # trajectories that one thread takes at a time
-BUDGET = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
-LEAST_RTOL = 1e-13
 NO_TIMES = inf, inf  # after the last time: no step reaches these
 # {column of results: the row of a trajectory with its value at the end, and the type of the column}
 COLUMNS = {"steps": ("steps", np.dtype(np.int64))}
@@ -113,8 +117,9 @@ def numbers_of(f, settings, sign):
 def set_times(numbers, integrator, settings, times):
     """Set the last time and longest step in `numbers`, from `times` that end with NO_TIMES."""
     numbers[NUMBER.last] = last = times[-1 - len(NO_TIMES)]
-    longest = settings.max_step or inf
-    numbers[NUMBER.longest] = min(longest, last / 32.0) if integrator.is_bounded else longest
+    numbers[NUMBER.longest] = longest = settings.max_step or inf
+    if integrator.is_bounded:
+        numbers[NUMBER.longest] = min(longest, LONGEST_PART * last)
 
 
 def code_of(integrator, W, for_each):
@@ -251,7 +256,7 @@ class BatchSolver:
         B = len(self.x0)
         self.caller = get_ident()
         self.places = None if self.request.report is None else np.zeros(B, np.int64)
-        size = min(BLOCK, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
+        size = min(TRAJECTORIES_OF_THREAD, max(-(-B // (threads * WIDTH)) * WIDTH, WIDTH))
         rows, abandoned = None, []
         if begun is not None:
             size, (rows, table, self.records) = B, begun
@@ -361,7 +366,8 @@ class StepRunner:
     def use(self, integrator):
         """Let `take` take steps with this integrator, in a workspace of its own."""
         if integrator not in self.known:
-            work, budget = zeros(integrator.work.size, self.W), max(BUDGET // integrator.f.cost, 1)
+            work = zeros(integrator.work.size, self.W)
+            budget = max(WORK_WITHOUT_PAUSE // integrator.f.cost, 1)
             code = code_of(integrator, self.W, self.for_each)
             self.known[integrator] = work, address_of(work), code, budget
         self.integrator = integrator

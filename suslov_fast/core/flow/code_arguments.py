@@ -33,8 +33,8 @@ class ComponentNumbers(NamedTuple):
     counts: float  # 0 for clocks, whose values do not count in tolerances; 1 for others
     steady: float  # 1 for components of a constant rate, else 0
     keeps: float  # 1 for components that keep their sign, else 0
-    floor: float  # for allowed errors of explicit steps, see `tolerance.floors_of`
-    floor_implicit: float  # for allowed errors of implicit steps, see `tolerance.floors_of`
+    floor: float  # for allowed errors of explicit steps, see `allowed_errors.floors_of`
+    floor_implicit: float  # for allowed errors of implicit steps, see `allowed_errors.floors_of`
     some: float  # least relative error that may cost digits, see `growing_components.some_of`
     seeds: float  # seed of the power iteration, see `linearly_implicit`
 

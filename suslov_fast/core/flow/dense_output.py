@@ -20,15 +20,16 @@ from ..llvm.text import Carried, Integers, Shared, Value
 from .codegen import larger_of, weighted
 from .memory import LaneState
 from .projection import project
-from .scalar_kernels import NEARLY, scalar_kernel
-from .step_length import AFTER_REFUSED
+from .scalar_kernels import scalar_kernel
+from .tolerances import (
+    ERROR_OF_DEFECT,
+    ERROR_OF_NODES,
+    EXACT_END,
+    FACTOR_AFTER_REFUSED,
+    NEARLY,
+    TEST_OF_POLYNOMIAL,
+)
 from .weights import weights
-
-# The largest error of the polynomial p is OF_DEFECT times its defect at TEST parts from the ends of
-# the step, with n = 4, and with n = 5 within 2 percent. In the last part AT_END of a step p is
-# accurate. A part of the step may have an error of PART allowed errors; it is estimated from that
-# of the whole step with the same columns.
-TEST, OF_DEFECT, AT_END, PART = 0.2, 0.274, 2.0**-30, 0.125
 
 
 def few_of(columns):
@@ -127,7 +128,7 @@ def _find_nodes(code):
     for i in text.each(D, largest):
         error = weighted(of_few, code.of_columns(work.ends, i))
         largest.ratio = larger_of(abs(error) * work.inverse[i], largest.ratio)
-    needs = largest.ratio > PART * float(n) ** (2 * FEW + 1)
+    needs = largest.ratio > ERROR_OF_NODES * float(n) ** (2 * FEW + 1)
     count = needs.any().bits() + FEW
     factors = [needs.select(text.value(b), a) for a, b in zip(few, more, strict=True)]
     factors = factors[: FEW + 1]
@@ -150,24 +151,24 @@ def _test(code):
     text, line, work, D = code.text, code.line, code.work, code.D
     sums = Carried(ratio=0.0, total=0.0)
     n = code.integrator.rule.nodes
-    for v in (TEST, n - TEST):
+    for v in (TEST_OF_POLYNOMIAL, n - TEST_OF_POLYNOMIAL):
         both = weights_at(complex(v, 2.0**-60), n)  # p(v + i d) = p(v) + i d p'(v) + O(d**2)
         _put_between(code, [[weight.real for weight in each] for each in both])
         of_slope = [[weight.imag * 2.0**60 for weight in each] for each in both]
         code.call("f", work.start, code.table, work.f_start)
         for i in text.each(D, sums):
             defect = abs(_between(code, of_slope, i) - work.signed[0] * work.f_start[i])
-            sums.ratio = larger_of(OF_DEFECT * defect * work.inverse[i], sums.ratio)
+            sums.ratio = larger_of(ERROR_OF_DEFECT * defect * work.inverse[i], sums.ratio)
             sums.total = sums.total + (abs(work.f_start[i]) + defect)
     taken, length = work.taken[0], line.next[0] - work.began[0]
-    is_right = (sums.ratio <= 1.0) | (taken - length <= AT_END * taken)
+    is_right = (sums.ratio <= 1.0) | (taken - length <= EXACT_END * taken)
     fails = _passed(code, Value.__gt__) & ~(is_right & (sums.total < inf))
     with text.when(fails.any(), likely=False):
         # A very short step would be followed by others that are too short. So it is a step aside.
-        is_short = length <= larger_of(AT_END * taken, NEARLY * work.began[0])
+        is_short = length <= larger_of(EXACT_END * taken, NEARLY * work.began[0])
         again = {"wanted": is_short.select(taken, length), "second": inf}
         again |= {"t": work.began[0], "steps": line.steps[0] - 1.0}
-        again |= {"state": float(LaneState.EXPLICIT), "longer": AFTER_REFUSED}
+        again |= {"state": float(LaneState.EXPLICIT), "longer": FACTOR_AFTER_REFUSED}
         code.keep(line, again, fails)
         work.accepted.choose(fails, 0, 0.0)
 

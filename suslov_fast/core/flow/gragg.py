@@ -23,16 +23,12 @@ import functools
 
 from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Array, Code, Index, Shared, Value
-from . import step_length, tolerance
+from . import allowed_errors, step_length
 from .codegen import FunctionCode, larger_of, weighted
 from .memory import LaneState
 from .rule import Rule
-from .vector_functions import INLINED
+from .tolerances import MOST_INLINED, MOST_UNROLLED
 from .weights import explicit_columns, lanes_of
-
-# Operations of f, plus three for each component, up to which all sub-steps are unrolled: that
-# saves branches, but longer code would not fit the instruction cache.
-SHORT = 25
 
 
 class Gragg(Rule):
@@ -61,7 +57,7 @@ class Gragg(Rule):
 
     def add_errors(self, code, i, sums, inverse):
         inputs = {"last": code.work.a[i], "inverse": inverse, "taken": code.work.taken[0]}
-        found = code.apply(tolerance.DIFFERENCES, i, **vars(sums) | inputs)
+        found = code.apply(allowed_errors.DIFFERENCES, i, **vars(sums) | inputs)
         return found | {"apart": larger_of(abs(self._apart(code, i)) * inverse, sums.apart)}
 
     def _apart(self, code, i):
@@ -86,7 +82,7 @@ class ExplicitColumns(FunctionCode):
         self.functions = {name: integrator.functions[name] for name in self.names}
         self.columns = integrator.rule.columns
         self.length = sum(function.length for function in self.functions.values())
-        self.is_inlined = self.length <= INLINED
+        self.is_inlined = self.length <= MOST_INLINED
         self.rows = range(self.D), range(self.D)  # components that `a` and `b` hold
 
     def add(self):
@@ -95,7 +91,7 @@ class ExplicitColumns(FunctionCode):
         if self.f.products and self.text.W == 1 and len(self.functions) == 1:
             self.functions["f"].add(lanes, f"{self.name}_lanes", False)
             whole = functools.partial(self.in_lanes, lanes)
-        elif self.work_of_pair() <= SHORT and not self._have("calls_by_lane"):
+        elif self.work_of_pair() <= MOST_UNROLLED and not self._have("calls_by_lane"):
             whole = functools.partial(self.side_by_side, inner)
         with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             self.of_a, self.of_b = map(self.text.listed, self.rows)

@@ -11,12 +11,13 @@ which the component is small and the error is above `some_of`. Most steps only c
 large and its error is not, or if components with digits feed it: |g_i| > |f_i| / 2, where g is f
 with 0 for all components without digits. At an unstable equilibrium `lost` stays. The alarm comes
 
-- if the component grows, and its error is `many` allowed errors, or DEEP of its size;
+- if the component grows, and its error is `many` allowed errors, or WITHOUT_DIGITS of its size;
 - if components below their allowed errors are about to grow. Implicit steps damp exp(a t) to
   (1 - a h / n)**-n, which is no growth if a h is large, and explicit steps multiply by a polynomial
   in a h. To find growth, f is evaluated where these components have trial values u_i, at first
-  their allowed errors. A component grows if h (f_i - g_i) > NEXT u_i (explicit steps: LONG u_i). If
-  some grow, u_i of the others is reduced, and f is evaluated again, until all grow or none does;
+  their allowed errors. A component grows if h (f_i - g_i) > GROWTH_OF_IMPLICIT u_i (explicit steps:
+  GROWTH_OF_EXPLICIT u_i). If some grow, u_i of the others is reduced, and f is evaluated again,
+  until all grow or none does;
 - if the surface of an event hangs on components whose errors are `many` allowed errors: with 0 in
   their places s changes by more than half of itself. Their errors would move the event;
 - if the solution ends while a component has no digits.
@@ -34,6 +35,21 @@ from ..expressions.values import larger
 from ..llvm.text import Carried
 from .memory import LaneState
 from .scalar_kernels import scalar_kernel
+from .tolerances import (
+    ALARMING,
+    COSTS_DIGITS,
+    COSTS_IN_IMPLICIT,
+    GROWTH_OF_EXPLICIT,
+    GROWTH_OF_IMPLICIT,
+    LESS_OF_TRIAL,
+    LITTLE_LESS_OF_TRIAL,
+    LOOKED_AT,
+    LOOSE_SIGN,
+    ROUNDS_OF_TRIAL,
+    SMALL_COMPONENT,
+    UNDERFLOW,
+    WITHOUT_DIGITS,
+)
 
 RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to the component's value
 
@@ -53,37 +69,22 @@ class Try(NamedTuple):
 # other alarm by the next try. If a solution then ends sooner than before, the result of `flow` and
 # of loops is a last computation, in which no component is RELATIVE and no alarm ends it.
 TRIES = Try(False, True), Try(False, True), Try(True, False)
-LATER = 1.001  # two computations may end at one pole if their end times have at most this ratio
-# The least exponents a h of growth exp(a h) in a step of length h that count. NEXT, in implicit
-# steps: the next step may be four times as long. LONG, in explicit steps: at this exponent those of
-# order 10 lose (a h / 8)**10 = 1e-6 of the growth. `Rule.loses` has the numbers of other orders.
-NEXT, LONG = 0.25, 2.0
-# In each round, trial values u_i of components that do not grow are multiplied by LESS, in the
-# second half of the ROUNDS by LITTLE_LESS, to stop near values with which all components grow.
-LESS, LITTLE_LESS, ROUNDS = 0.25, 0.75, 24.0
-# Measured on 1,558 problems with rtol 1e-4, 1e-6 and 1e-9. An error of MANY rtol**(-1/3) allowed
-# errors is alarming; PART of it is a reason to evaluate f. A component is small below SMALL of
-# its largest value. Errors of a component that may change its sign count LOOSE times less, because
-# errors are large where it passes 0: with LOOSE = 1, 58 of 256 orbits of Van der Pol's
-# equation (mu = 1000) are computed again in vain at 1e-4, and nearly all of Lorenz's at 1e-6.
-MANY, PART, SMALL, LOOSE = 0.25, 0.1, 0.1, 2.5
-SOME, OF_IMPLICIT = 1.6e-3, 0.125  # factors of the least error that costs digits, see `some_of`
-DEEP = 5e-4  # with a relative error above this and 100 rtol, a component of one sign has no digits
-UNDERFLOW = 2.0**-990
 
 
 def many_of(rtol):
     """Return how many allowed errors are alarming."""
-    return MANY * rtol ** (-1 / 3)
+    return ALARMING * rtol ** (-1 / 3)
 
 
 def some_of(rtol, keeps):
     """Return the least relative error in an explicit step with which a component loses digits.
 
     If the component keeps its sign (`keeps` is 1), this is 1e-4 rtol**(1/3), or rtol if that is
-    larger. Otherwise it is 1 / OF_IMPLICIT = 8 times as large. Implicit steps use an eighth of it.
+    larger. Otherwise it is 1 / COSTS_IN_IMPLICIT = 8 times as large. Implicit steps use an eighth
+    of it.
     """
-    return rtol * max(SOME * many_of(rtol) ** 2, 1.0) / (1.0 if keeps else OF_IMPLICIT)
+    least = rtol * max(COSTS_DIGITS * many_of(rtol) ** 2, 1.0)
+    return least if keeps else least / COSTS_IN_IMPLICIT
 
 
 def _loses(x, new, error, some, lost):
@@ -111,7 +112,7 @@ def alert(code, i):
 
 def _some(code, i):
     some = code.component("some", i)
-    return OF_IMPLICIT * some if code.integrator.rule.damps else some
+    return COSTS_IN_IMPLICIT * some if code.integrator.rule.damps else some
 
 
 def _lost(
@@ -124,27 +125,27 @@ def _lost(
 
     `lost` increases by the relative error of the step. If the component keeps its sign, `lost` also
     increases by the error that extrapolation has if the component grows fast in the step. A `lost`
-    of 1 means that no digit is right. It replaces every `lost` above a bound: the larger of DEEP
-    and 100 rtol, or 1 for components that may change their sign.
+    of 1 means that no digit is right. It replaces every `lost` above a bound: the larger of
+    WITHOUT_DIGITS and 100 rtol, or 1 for components that may change their sign.
     """
     both, size = abs(x) + abs(new), abs(new) * inverse
-    is_small = both * inverse * rtol < SMALL
+    is_small = both * inverse * rtol < SMALL_COMPONENT
     rate = _rate(new, f_new, signed)
-    part = 1.0 / (keeps > 0.0).select(abs(new), LOOSE * both)  # a division takes long
+    part = 1.0 / (keeps > 0.0).select(abs(new), LOOSE_SIGN * both)  # a division takes long
     base, power = loses
     growth = larger(keeps * (rate * part), 0.0) * (1.0 / base)
     root = growth * growth * (growth * growth)  # then growth**(power / 2)
     for _ in range(power // 2 - 4):
         root = root * growth
     own = larger(lost, 0.0) + abs(error) * part + root * root
-    own = (own > (keeps > 0.0).select(larger(DEEP, 100.0 * rtol), 1.0)).select(1.0, own)
+    own = (own > (keeps > 0.0).select(larger(WITHOUT_DIGITS, 100.0 * rtol), 1.0)).select(1.0, own)
     counts = is_small & ((acts > 0.0) | (abs(new) < UNDERFLOW))
     lost = (counts & _loses(x, new, error, some, lost)).select(own, lost)
-    is_many = lost * size > PART * many
+    is_many = lost * size > LOOKED_AT * many
     lost = ((lost > 0.0) & ~(is_small | is_many)).select(0.0, lost)
-    is_fast = (size < 1.0) & (rate > LONG * abs(new))
-    grows = is_fast | is_many | ((size > 1.0) & (lost > DEEP))
-    grows = grows & (abs(new) >= abs(x)) & (lost > PART * many * rtol)
+    is_fast = (size < 1.0) & (rate > GROWTH_OF_EXPLICIT * abs(new))
+    grows = is_fast | is_many | ((size > 1.0) & (lost > WITHOUT_DIGITS))
+    grows = grows & (abs(new) >= abs(x)) & (lost > LOOKED_AT * many * rtol)
     is_near = grows | ((damps > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
     return {
         "most_lost": larger(lost, most_lost),
@@ -167,7 +168,7 @@ def FED(new, f_new, fed, signed, lost, changes, left):
     `fed` is the rate of the component with 0 in place of all components with `lost` > 0. `left`
     becomes the largest `lost` that remains.
     """
-    stays = _rate(new, f_new - fed, signed) > NEXT * abs(new)
+    stays = _rate(new, f_new - fed, signed) > GROWTH_OF_IMPLICIT * abs(new)
     stays = stays & (abs(f_new) < abs(fed))  # true at an unstable equilibrium
     is_fed = (abs(fed) > 0.5 * abs(f_new)) & (abs(fed) < inf) & (lost > 0.0) & ~stays
     lost = is_fed.select(0.0, lost)
@@ -179,14 +180,15 @@ def ALARMS(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, most_lo
     """Return `lost` and its maximum `most_lost`; for an alarm these are RELATIVE and infinity.
 
     `grows` and `below` are about components that are smaller than their allowed errors: `grows`
-    becomes 1 if such a component has lost digits and grows by itself by more than exp(LONG) in this
-    step, and `below` is the largest `lost` of such components. `fed` is as in `FED`.
+    becomes 1 if such a component has lost digits and grows by itself by more than
+    exp(GROWTH_OF_EXPLICIT) in this step, and `below` is the largest `lost` of such components.
+    `fed` is as in `FED`.
     """
     size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
-    is_deep = (size > 1.0) & (lost > larger(DEEP, 100.0 * rtol))
+    is_deep = (size > 1.0) & (lost > larger(WITHOUT_DIGITS, 100.0 * rtol))
     is_deep = is_deep & (keeps * signed * f_new > 0.0)  # steps of a decay may rise by chance
     is_grown = (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
-    is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) > LONG * abs(new))
+    is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) > GROWTH_OF_EXPLICIT * abs(new))
     return {
         "lost": is_grown.select(RELATIVE, lost),
         "most_lost": is_grown.select(inf, larger(lost, most_lost)),
@@ -322,7 +324,7 @@ def _alarm(code, looks):
     line.most_lost.choose(looks, 0, found.most_lost)
     least = code.number("many") * code.number("rtol")
     if code.integrator.rule.damps:
-        waits = (found.most_lost > least) | (found.below > PART * least)
+        waits = (found.most_lost > least) | (found.below > LOOKED_AT * least)
     else:
         waits = (found.most_lost > least) & (found.grows > 0.0)
     waits = looks & waits & (found.most_lost < inf)
@@ -334,14 +336,14 @@ def _find_group(code, looks):
     """Raise the alarm in lanes `looks` with a group of components that would grow together."""
     text, line, work, D = code.text, code.line, code.work, code.f.of_x.D
     known, group = work.start, work.a
-    least = text.value(NEXT if code.integrator.rule.damps else LONG)
+    least = text.value(GROWTH_OF_IMPLICIT if code.integrator.rule.damps else GROWTH_OF_EXPLICIT)
     for i in text.each(D):
         is_in = looks & (line.lost[i] > 0.0)
         group[i] = is_in.select(1.0 / work.inverse[i], 0.0)
     found = Carried(grow=0.0, rounds=0.0, differs=1.0)
     for now in text.rounds(found):
         sums = Carried(grow=0.0, fall=0.0)
-        part = (now.rounds < 0.5 * ROUNDS).select(LESS, LITTLE_LESS)
+        part = (now.rounds < 0.5 * ROUNDS_OF_TRIAL).select(LESS_OF_TRIAL, LITTLE_LESS_OF_TRIAL)
         text.copy(work.new, work.b, code.D)
         for i in text.each(D):
             work.b[i] = known[i] + group[i]
@@ -356,7 +358,7 @@ def _find_group(code, looks):
         grow = (sums.fall > 0.0).select(0.0, sums.grow)
         now.grow = (now.differs > 0.0).select(grow, now.grow)
         now.differs, now.rounds = differs.select(1.0, 0.0), now.rounds + 1.0
-        now.goes_on = (differs & (now.rounds < ROUNDS)).any()
+        now.goes_on = (differs & (now.rounds < ROUNDS_OF_TRIAL)).any()
     sounds = looks & (found.grow > 0.0)
     line.most_lost.choose(sounds, 0, inf)
     for i in text.each(D):

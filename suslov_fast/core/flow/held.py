@@ -16,9 +16,10 @@ from . import batch_solver
 from .code_arguments import COMPONENT, NUMBER, SLOT
 from .events.actions import most_records
 from .events.records import size_of
-from .growing_components import LATER, TRIES
+from .growing_components import TRIES
 from .memory import BEGINS, LaneState
 from .program_code import TABLE, code_of_program
+from .tolerances import LONGEST_PART, SAME_END
 
 # Status by `LaneState`; the last entry is for a run that was ended before its first step (-1).
 STATUS = np.full(LaneState.AGAIN + 2, status_codes.TOO_MANY_STEPS, np.int8)
@@ -44,7 +45,7 @@ class Plan(NamedTuple):
     implicit_again: int  # address of the code of the implicit integrator for motions begun again
     of_table: int  # address of the code for the table of f, 0 if the table is the parameters
     of_constraints: int  # address of the code that tests if x is on constraints, 0 without any
-    is_bounded: int  # 1 if steps are at most 1/32 of the time
+    is_bounded: int  # 1 if steps are at most LONGEST_PART of the time
     by_starts: int  # number of columns of derivatives by x0, which come first: D or 0
     columns: int  # number of all columns of derivatives
     D: int  # number of components of x
@@ -220,7 +221,7 @@ def _begin(system, x0, memory, tries):
     numbers[NUMBER.last], memory[plan[PLAN.times]] = time, time
     numbers[NUMBER.sign] = -1.0 if system.time < 0.0 else 1.0
     if plan[PLAN.is_bounded]:
-        numbers[NUMBER.longest] = min(numbers[NUMBER.longest], time / 32.0)
+        numbers[NUMBER.longest] = min(numbers[NUMBER.longest], LONGEST_PART * time)
     if tries == 0:
         return
     for k in (NUMBER.rtol, NUMBER.part, NUMBER.limit, NUMBER.many):
@@ -300,7 +301,7 @@ def motion_of_one(system, x0, out, memory):
     memory[plan[PLAN.ended]] = system.time
     if state != _DONE:
         memory[plan[PLAN.ended]] = sign * x[plan[PLAN.at if state == _ACCUMULATES else PLAN.t]]
-    if tries == _WITHOUT and state not in (_DONE, _STOPPED) and x[plan[PLAN.t]] <= LATER * end:
+    if tries == _WITHOUT and state not in (_DONE, _STOPPED) and x[plan[PLAN.t]] <= SAME_END * end:
         state, memory[plan[PLAN.ended]] = before, sign * end
     if state in (_DONE, _STOPPED):
         _write(system, state, memory, out)

@@ -31,20 +31,17 @@ from operator import add, mul
 from ..expressions.compensated import compensated
 from ..expressions.sparse_elimination import Sparse
 from ..expressions.symbolic_elimination import Elimination, elimination_order, filled, operations_of
+from ..expressions.tolerances import TINY
 from ..llvm.sparse_solver import add_factors, add_solution
 from ..llvm.text import Carried, Index
 from . import vector_functions
 from .codegen import FunctionCode, larger_of
 from .memory import LaneState
 from .rule import Rule
-from .scalar_kernels import TINY, scalar_kernel
-from .step_length import MOST_APART, TURN_IMPLICIT
+from .scalar_kernels import scalar_kernel
+from .step_length import TURN_IMPLICIT
+from .tolerances import ERRORS_OF_END, MOST_APART, MOST_IN_LINE, SMALLEST_SCALE
 from .weights import OF_7, QUARTERS, implicit_columns, weights
-
-SMALLEST_SCALE = 2.0**-60
-# Factor of errors found with f' of a step's end: they are too small, as f' still decreases there.
-# In 300 layers of friction at rtol 1e-4, 17 solutions stick too long with AT_END = 1, 3 with 16.
-AT_END = 16.0
 
 
 @scalar_kernel
@@ -54,11 +51,11 @@ def DIFFERS(right, apart, at_end, f_beside, f_new, inverse, s, differs):
     `apart`, `at_end` and `right` are the `first`, `second` / 2 and the test of the head of this
     file. With f' at the start, (1 - s f') right is `apart` + `at_end`. With f' at the end, it
     follows from `f_beside`, which is f at the state `right` beyond the end. f' differs if the
-    second vector is below half of the first one. A first vector below MOST_APART / AT_END times
-    the allowed errors does not matter.
+    second vector is below half of the first one. A first vector below MOST_APART / ERRORS_OF_END
+    times the allowed errors does not matter.
     """
     whole, own = apart + at_end, right - s * (f_beside - f_new)
-    is_large = AT_END * abs(whole) * inverse > MOST_APART
+    is_large = ERRORS_OF_END * abs(whole) * inverse > MOST_APART
     return {"differs": (is_large & (abs(own) < 0.5 * abs(whole))).select(1.0, differs)}
 
 
@@ -97,7 +94,7 @@ class LinearlyImplicit(Rule):
             functions["j"] = vector_functions.ProgramFunction(f.derivative, D, f.places)
         order = elimination_order(f.pattern, D)
         fill, of = filled(f.pattern, order), vector_functions
-        if operations_of(fill) > of.LONGEST:
+        if operations_of(fill) > MOST_IN_LINE:
             plan = Sparse(f.pattern, order, fill)
             functions["factor"] = of.SparseLoops(plan, add_factors)
             functions["solve"] = of.SparseLoops(plan, add_solution)
@@ -249,7 +246,7 @@ def find_apart_at_end(code, errors):
         code.call("solve", work.of_end, code.table, work.at_end)
         largest = Carried(ratio=errors["apart"])
         for i in text.each(D, largest):
-            own = work.at_end[i] * AT_END
+            own = work.at_end[i] * ERRORS_OF_END
             work.right.choose(counts & (abs(own) > abs(work.right[i])), i, own)
             largest.ratio = larger_of(abs(work.right[i]) * work.inverse[i], largest.ratio)
         return [largest.ratio]

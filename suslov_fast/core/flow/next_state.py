@@ -4,10 +4,12 @@ A component whose rate contains it as a factor keeps its sign. So does a denomin
 depends on time alone, because a solution does not cross a pole of f.
 """
 
+from ..expressions.tolerances import TINY
 from ..llvm.text import Carried
-from . import projection, tolerance
+from . import allowed_errors, projection
 from .codegen import larger_of, weighted
-from .scalar_kernels import TINY, scalar_kernel
+from .scalar_kernels import scalar_kernel
+from .tolerances import LEAST_SIZE, LEAST_SIZE_OF_COLUMNS, NOISE_OF_STEP
 
 
 def _changes_sign(x, new):
@@ -29,8 +31,8 @@ def find_next_state(code):
     """Write the next state, f at this state, and errors to the rows `new`, `f_new` and `error`.
 
     Return `kept`, which is 0 where a component or a denominator loses its sign, or constraints lose
-    their rank (-1 ends the solution), and two dicts {input of kernels of `tolerance`: number}, from
-    maxima over x, and over columns of derivatives.
+    their rank (-1 ends the solution), and two dicts {input of kernels of `allowed_errors`: number},
+    from maxima over x, and over columns of derivatives.
     """
     text, integrator, line, work = code.text, code.integrator, code.line, code.work
     own, of_error = integrator.rule.weights, integrator.rule.error_weights
@@ -50,13 +52,13 @@ def find_next_state(code):
             work.new.put_chosen(i, new)
             work.error[i] = weighted(of_error, ends)
             if not integrator.has_atol:
-                sums.update(code.apply(tolerance.LARGEST, i, **vars(sums) | {"new": new}))
+                sums.update(code.apply(allowed_errors.LARGEST, i, **vars(sums) | {"new": new}))
         if integrator.has_atol:
             sizes.append({})
             continue
-        smallest = tolerance.SMALLEST if first == 0 else tolerance.SMALLEST_OF_COLUMNS
+        smallest = LEAST_SIZE if first == 0 else LEAST_SIZE_OF_COLUMNS
         least = larger_of(code.number("rtol") * (smallest * sums.top), TINY)
-        sizes.append({"moved": sums.moved, "least": least, "noisy": tolerance.NOISY * sums.top})
+        sizes.append({"moved": sums.moved, "least": least, "noisy": NOISE_OF_STEP * sums.top})
     projection.project(code, work.new)
     kept = projection.kept_by_constraints(code, sums.kept)
     code.call("f", work.new, code.table, work.f_new)

@@ -23,7 +23,7 @@ class Rule:
     has_points   True if the rule finds states inside a step (`point`), which are less accurate than
                  the polynomial that other rules use to find surfaces
     columns_for  the function of `weights` that chooses `columns`
-    floor        the name of the `ComponentNumbers` for allowed errors, see `tolerance.floors_of`
+    floor        the name of the `ComponentNumbers` for allowed errors, see `floors_of`
     grows        factor of rounding errors of h f, see `second_trial`
     sums         names of numbers that `add_errors` sums over components
     lanes        how many columns one trajectory of a dense f computes side by side
@@ -78,7 +78,7 @@ class Rule:
         return {}
 
     def end_errors(self, code, errors):
-        """Return by name what replaces `errors`, results of `tolerance.find_errors`."""
+        """Return by name what replaces `errors`, results of `allowed_errors.find_errors`."""
         return {}
 
     def begin_trial(self, code):

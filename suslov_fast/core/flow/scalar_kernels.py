@@ -6,11 +6,6 @@ from typing import NamedTuple
 from ..expressions.programs import Values
 from ..expressions.values import operand_of
 
-TINY = 2.0**-1000  # the least length or divisor, in place of 0
-AT_ONCE = 2.0**-36  # part of the time t: events that are closer than this count as simultaneous
-NEARLY = 2.0**-42  # part of the time t: an event less than this after a requested time is at it
-EDGE = 2.0**-38  # part of the time t: a solution that ends less than this before a surface is on it
-
 
 class ScalarKernel(NamedTuple):
     """An expression program with names: of its first values, `inputs`, and of its `results`."""

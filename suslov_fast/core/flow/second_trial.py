@@ -9,21 +9,30 @@ starts, and other components differ by about 2**-49 of their values. A trial tak
 steps after a rejected step or another trial have one.
 
 If terms of the rate of a component cancel, the component may be 0 up to rounding. Then no step has
-digits of it, and shorter steps would not help. So an error below NOISY times the largest component
-may be as large as such changes of f at the points ALONG the step, and does not shorten the next
-step. If such errors would shorten steps that are accepted, every eighth step has the trial, too.
+digits of it, and shorter steps would not help. So an error below NOISE_OF_STEP times the largest
+component may be as large as such changes of f at the points ALONG the step, and does not shorten
+the next step. If such errors would shorten steps that are accepted, every eighth step has the
+trial, too.
 """
 
 from math import inf
 
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Shared
+from .allowed_errors import LARGE
 from .codegen import larger_of
 from .scalar_kernels import scalar_kernel
-from .step_length import AFTER_TRIAL, MOST_APART
-from .tolerance import LARGE, NOISY, OF_CLOCK
+from .tolerances import (
+    BESIDE_SIZE,
+    FACTOR_AFTER_TRIAL,
+    MOST_APART,
+    NOISE_OF_STEP,
+    NOISE_OF_TRIAL,
+    ROUNDING_OF_CLOCKS,
+    SHORTENS,
+    STEP_OF_ROUNDING,
+)
 
-BESIDE_SIZE = 2.0**-48  # half of it is the largest relative displacement of a state
 # f is evaluated beside points x + ALONG (x_next - x) of a step. Each of the BESIDES, multiplied by
 # `ComponentNumbers.seeds`, gives a direction: several, because changes of f in one may cancel by
 # chance, as for a symmetric state. In every other one the state is also MOVED by h times the last
@@ -33,11 +42,6 @@ BESIDES = 1e6, 1.3e6, 1.7e6, 1.9e6, 2.3e6, 2.9e6, 3.1e6, 3.7e6
 MOVED = [0.0, 1.0] * 4
 ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
-# The trial allows `Rule.grows` times a change of h f at an end of the step, or OF_NOISE times
-# one at any point: weights of columns enlarge noise of f, implicit ones 16 times as much.
-OF_NOISE = 8.0
-SHORTENS = 0.05  # an error above this part of the allowed error may make the next step shorter
-TINY_STEP = 2.0**-40  # part of the time: in a step up to this length, sub-steps are mostly rounding
 
 
 @scalar_kernel
@@ -49,7 +53,7 @@ def BESIDE(t, state, x, new, f_x, counts, seeds, multiple, is_end, move):
     1/2, is as good as random; `seeds` and `multiple` determine it. The size is |state| at the ends
     of the step. Between the ends, where the state may be 0, the size is the larger of both.
     """
-    later = state + OF_CLOCK * larger(abs(state), t * abs(f_x))
+    later = state + ROUNDING_OF_CLOCKS * larger(abs(state), t * abs(f_x))
     size = (is_end > 0.0).select(abs(state), larger(abs(x), abs(new)))
     place = multiple * seeds
     part = place - place.then("floor") - 0.5  # as good as a random number
@@ -78,16 +82,16 @@ def SECOND(
     """Return `error` and `apart` of a component relative to its allowed error in the trial.
 
     `ratio` and `of_apart` are maxima over components; `inverse` is 1 / allowed error. The allowed
-    error is the largest of three: the one before the trial; `grows` h `least`; and OF_NOISE h
-    `second`, but at most NOISY `top`. h is the length `taken`, `top` the largest component.
+    error is the largest of three: the one before the trial; `grows` h `least`; and NOISE_OF_TRIAL h
+    `second`, but at most NOISE_OF_STEP `top`. h is the length `taken`, `top` the largest component.
     `least`, `largest` and `second` are changes of f, as in `BESIDE_POINTS`. If the step is hardly
     longer than the rounding of time, `largest` replaces `least`, because sub-steps contain little
     except rounding. `of_length`, the ratio for the next length, omits errors that are within an
     allowed error that the trial has raised, because these do not shrink with the step.
     """
-    is_short = taken <= TINY_STEP * t
+    is_short = taken <= STEP_OF_ROUNDING * t
     at_ends = grows * (taken * is_short.select(largest, least))
-    of_rounding = larger(smaller(OF_NOISE * (taken * second), NOISY * top), at_ends)
+    of_rounding = larger(smaller(NOISE_OF_TRIAL * (taken * second), NOISE_OF_STEP * top), at_ends)
     own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
     found = abs(error) * own
     counts = ((own < inverse) & (found <= 1.0)).select(0.0, found)
@@ -105,14 +109,14 @@ def try_again(code, sums):
     Return by name what replaces results of `find_errors` (`sums`).
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    again = text.value(AFTER_TRIAL) >= line.longer[0]
+    again = text.value(FACTOR_AFTER_TRIAL) >= line.longer[0]
     refused = (sums["ratio"] > 1.0) | (sums["apart"] > MOST_APART)
     is_finite = sums["total"] < inf
     refused = tried = refused & is_finite & again
     if not integrator.has_atol:
         # An accepted step may have a trial, too: every eighth step, and each step after a trial.
         eighth, ratio = line.steps[0] * 0.125, sums["ratio"]
-        is_due = eighth.floor().equals(eighth) | line.longer[0].equals(AFTER_TRIAL)
+        is_due = eighth.floor().equals(eighth) | line.longer[0].equals(FACTOR_AFTER_TRIAL)
         is_noisy = is_due & (ratio > SHORTENS) & (sums["large"] < ratio)
         tried = refused | is_noisy & is_finite
     names = "ratio", "of_length", "apart", "on_trial", "rates"
@@ -126,7 +130,7 @@ def try_again(code, sums):
             top.top = (code.component("counts", i) > 0.0).select(size, top.top)
         others = Carried(large=0.0)
         for i in text.each(code.D, others):
-            noisy = NOISY * top.top
+            noisy = NOISE_OF_STEP * top.top
             others.large = code.apply(LARGE, i, large=others.large, noisy=noisy)["large"]
         least, largest, second = _changes_beside(code, tried & (others.large < sums["ratio"]))
         found = Carried(ratio=0.0, of_length=0.0, of_apart=0.0)
@@ -177,7 +181,7 @@ def _changes_beside(code, is_noise):
                 beside = code.apply(BESIDE, i, move=move, **inputs)["beside"]
                 work.start.put_chosen(i, beside)
             for clock, start in starts.items():  # f reads the clock plus its start value
-                work.start[clock] = work.start[clock] + OF_CLOCK * start
+                work.start[clock] = work.start[clock] + ROUNDING_OF_CLOCKS * start
             code.call("f", work.start, code.table, work.f_start)
             for i in text.each(code.D):
                 change.put_chosen(i, work.f_start[i] - base[i])

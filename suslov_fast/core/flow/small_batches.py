@@ -13,8 +13,8 @@ import numpy as np
 from . import batch_solver
 from .code_arguments import NUMBER, SLOT
 from .memory import BEGINS, LaneState
+from .tolerances import TIMES_IN_MEMORY
 
-_KEPT = 1024  # the most requested times for which memory is kept
 _NAN = array("d", [math.nan])
 
 
@@ -111,7 +111,7 @@ def solve_small_batch(f, table, x0, request):
         found = states, columns, records, None
         if starts is not None:
             batch_solver.add_starts(f, starts, states, records)
-    if count > _KEPT:
+    if count > TIMES_IN_MEMORY:
         runner.moduli = runner.times = None
     free.append(runner)
     return found

@@ -7,7 +7,8 @@
 
        x_next = x + sum_c w_c (y_c - x),     f_next = f(x_next).
 
-3. Error estimate, where v_c are the weights without the first column (`tolerance`, `second_trial`):
+3. Error estimate, where v_c are the weights without the first column (`allowed_errors`,
+  `second_trial`):
 
        e = sum_c (w_c - v_c) (y_c - x),     ratio = max_i |e_i| / allowed_i.
 
@@ -40,11 +41,11 @@ integrator have h = 0.
 from math import inf
 
 from . import (
+    allowed_errors,
     dense_output,
     growing_components,
     second_trial,
     step_length,
-    tolerance,
 )
 from .codegen import larger_of
 from .events import actions, branch_choice, location
@@ -83,7 +84,7 @@ def _estimate_errors(code, kept, sizes):
     """
     rule = code.integrator.rule
     rule.begin_errors(code)
-    errors = tolerance.find_errors(code, sizes)
+    errors = allowed_errors.find_errors(code, sizes)
     errors |= rule.end_errors(code, errors)
     # `on_trial` is 1 after a second trial; `of_length` is the ratio that gives the next length.
     errors |= {"on_trial": code.text.value(0.0), "of_length": errors["ratio"]}

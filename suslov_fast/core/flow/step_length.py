@@ -8,8 +8,8 @@ sum shows this (`step`).
 
 In close passages the error that a length has grows from step to step by more than SAFETY allows. So
 explicit steps predict: with `best`, this length times ratio**(-1 / power), of this and of the last
-step, the next length is also multiplied by STEADY best / best_of_last if that is less than 1. The
-first length is a part of the shorter of two times, |x| / |f| and |f| / |f' f|.
+step, the next length is also multiplied by STEADY_TREND best / best_of_last if that is less than 1.
+The first length is a part of the shorter of two times, |x| / |f| and |f| / |f' f|.
 
 If the next step would pass one requested time, a step from the same state ends there first. It is
 called a step aside: its end is tested and saved, but the trajectory stays. Each time in an implicit
@@ -18,54 +18,55 @@ step has a step aside; a polynomial gives several times in an explicit step (`de
 The explicit integrator is stable if h |mu| < 6 for eigenvalues mu of f' with negative real parts.
 The difference quotient of f between the next state and the end of the last column shows the largest
 |mu| at no cost. After `patience` steps with h |mu| above `limit` a lane becomes implicit. A step
-with a false end counts as OF_FALSE such steps, because the shorter next step looks less stiff. In
-implicit steps power iteration on f' finds |mu|. A lane is explicit again after EASY steps with
-h |mu| < 2 limit.
+with a false end counts as COUNT_OF_FALSE such steps, because the shorter next step looks less
+stiff. In implicit steps power iteration on f' finds |mu|. A lane is explicit again after EASY_STEPS
+steps with h |mu| < 2 limit.
 """
 
 import functools
 from math import inf, sqrt
 
 from ..expressions.elementary import from_bits
+from ..expressions.tolerances import TINY
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried
 from .codegen import larger_of
 from .memory import LaneState
-from .scalar_kernels import TINY, scalar_kernel
-
-# Factors from a length to the next: SAFETY ratio**(-1 / power), at least SHORTER, at most
-# LONGER, AT_FIRST, AFTER_REFUSED, or AFTER_TRIAL, which also marks a step after a second trial.
-# OF_NAN is the factor if f has no value, or a sign is lost; with many digits no step meets a time
-# twice.
-SAFETY, SHORTER, LONGER, AT_FIRST = 0.75, 0.2, 4.0, 10.0
-AFTER_REFUSED, AFTER_TRIAL, OF_NAN = 1.0, 3.875, 0.2371
-# Without prediction 20 % of the steps in Kepler's problem with rtol 1e-6 are refused, with it 9 %.
-# In 19 problems f is evaluated .84 to 1.05 times as often at equal errors; with STEADY = 1 up to
-# 1.07 times. The prediction makes no length less than SHRINKS times as long.
-STEADY, SHRINKS = 1.15, 0.5
-REFUSED = 0.9  # a refused step becomes shorter at least by this factor
-REACH = 0.92  # if the next step would take this part of the time that is left, it takes all of it
-SHORTEST = 2.0**-44  # the shortest step, as a part of the time; a shorter step ends the solution
-# A step is false if the sum that shows it is above MOST_APART allowed errors: 30 would refuse some
-# true steps, 100 would accept more false ones. OF_APART is the factor to the next, shorter, length.
-MOST_APART, OF_APART = 50.0, 0.5
-FIRST_PART, FIRST_OF_TIME, FIRST_AT_REST = 5.0, 2.0**-40, 1e-6
-ALONG = 2.0**-7  # part of |x| / |f|: f there, beside f at the start, shows |f' f|
-# A trajectory ends if MOST_TRIES tries, actions and records move it on by less than ADVANCE of
-# the last time.
-MOST_TRIES, ADVANCE = 250_000, 1e-3
-# A lane becomes implicit after PATIENCE steps that look stiff; FORGET other steps clear this count.
-# It becomes explicit after EASY steps that explicit ones could do as well; if this happens within
-# less than TRIAL implicit steps, its patience becomes 4 times as large, at most MOST_PATIENCE.
-PATIENCE, FORGET, TRIAL, EASY, MOST_PATIENCE = 5.0, 6.0, 8.0, 3.0, 100.0
-# A false step counts as OF_FALSE steps that look stiff. An accepted step with `apart` above BOUNCES
-# counts as OF_BOUNCE: it may bounce between both sides of a layer, where f looks flat.
-OF_FALSE, OF_BOUNCE, BOUNCES = 2.0, 0.25, 10.0
+from .scalar_kernels import scalar_kernel
+from .tolerances import (
+    APART_OF_BOUNCE,
+    COUNT_OF_BOUNCE,
+    COUNT_OF_FALSE,
+    EASY_STEPS,
+    FACTOR_AFTER_REFUSED,
+    FACTOR_AFTER_TRIAL,
+    FACTOR_AT_FIRST,
+    FACTOR_OF_FALSE,
+    FACTOR_OF_NAN,
+    FACTOR_OF_REFUSED,
+    FIRST_AT_REST,
+    FIRST_CHANGE,
+    FIRST_OF_TIME,
+    LEAST_ADVANCE,
+    LEAST_FACTOR,
+    LEAST_PREDICTED,
+    MOST_APART,
+    MOST_FACTOR,
+    MOST_STIFF_STEPS,
+    PROBE_OF_BEND,
+    REACH_OF_STEP,
+    SAFETY,
+    SHORTEST_STEP,
+    STEADY_TREND,
+    STEPS_TO_FORGET,
+    STIFF_STEPS,
+    TRIAL_STEPS,
+)
 
 
 def first_part(rtol, order):
     """Return the relative change of x in the first step: 5 rtol**(1/8) for order 10; at most 1."""
-    return min(FIRST_PART * _root(rtol, order), 1.0)
+    return min(FIRST_CHANGE * _root(rtol, order), 1.0)
 
 
 def limit_of(rtol, order):
@@ -118,9 +119,9 @@ def first_length(size, rate, part, last):
 
 
 def bend_of(code, x, f, sums):
-    """Return the largest change of f along f by ALONG |x| / |f|; `sums` are `sizes_of` x and f."""
+    """Return the largest change of f along f by PROBE_OF_BEND |x| / |f|, from `sizes_of` both."""
     text, work, found = code.text, code.work, Carried(bend=0.0)
-    length = ALONG * (sums.size / sums.rate) * code.number("sign")
+    length = PROBE_OF_BEND * (sums.size / sums.rate) * code.number("sign")
     for i in text.each(code.D):
         work.start[i] = x[i] + length * f[i]
     code.call("f", work.start, code.table, work.f_start)
@@ -134,26 +135,29 @@ def bend_of(code, x, f, sums):
 def BEGIN(size, rate, total, bend, part, last, longest, first_next, second_next, first_state):
     """Return rows of a new trajectory: its first length, and NO_VALUE if x or f is not finite."""
     wanted = (rate > 0.0).select(first_length(size, rate, part, last), last)
-    of_bend = part * (ALONG * (size / bend))
+    of_bend = part * (PROBE_OF_BEND * (size / bend))
     is_bent = (bend > 0.0) & (bend < inf) & (size > 0.0)
     wanted = is_bent.select(smaller(of_bend, wanted), wanted)
     has_value = total < inf
     return {
         "wanted": smaller(smaller(wanted, last), longest),
-        "longer": AT_FIRST,
+        "longer": FACTOR_AT_FIRST,
         "next": first_next,
         "second": second_next,
         "state": has_value.select(first_state, float(LaneState.NO_VALUE)),
-        "patience": PATIENCE,
+        "patience": STIFF_STEPS,
         "outer": inf,
     }
 
 
 @scalar_kernel
 def NEAR(outer):
-    """Return REACH and SHORTEST; or 1 and 0 in a search for a surface, which needs any length."""
+    """Return REACH_OF_STEP, SHORTEST_STEP; 1 and 0 in a search for a surface, of any length."""
     is_near = outer < inf
-    return {"reach": is_near.select(1.0, REACH), "shortest": is_near.select(0.0, SHORTEST)}
+    return {
+        "reach": is_near.select(1.0, REACH_OF_STEP),
+        "shortest": is_near.select(0.0, SHORTEST_STEP),
+    }
 
 
 @scalar_kernel
@@ -206,20 +210,22 @@ def _after(
     sees = is_finite & (kept > 0.0)  # the error estimate is valid
     accepted = is_active & sees & (apart <= MOST_APART) & (ratio <= 1.0)
     # Operations that do not need the factor come first, because the others wait for the factor.
-    of_refused = _is_false(ratio, apart).select(smaller(longer, OF_APART), smaller(longer, REFUSED))
+    of_refused = _is_false(ratio, apart).select(
+        smaller(longer, FACTOR_OF_FALSE), smaller(longer, FACTOR_OF_REFUSED)
+    )
     most = accepted.select(longer, of_refused)
     factor = _factor(of_length, power)
-    of_best, factor = smaller(factor, LONGER), SAFETY * factor
+    of_best, factor = smaller(factor, MOST_FACTOR), SAFETY * factor
     if predicts:  # the quotient does not wait for the factor
-        shrinks = larger(smaller(of_best * (STEADY * taken / best), 1.0), SHRINKS)
-        factor = factor * (accepted & (longer < AT_FIRST)).select(shrinks, 1.0)
-    factor = sees.select(larger(smaller(factor, most), SHORTER), OF_NAN)
+        shrinks = larger(smaller(of_best * (STEADY_TREND * taken / best), 1.0), LEAST_PREDICTED)
+        factor = factor * (accepted & (longer < FACTOR_AT_FIRST)).select(shrinks, 1.0)
+    factor = sees.select(larger(smaller(factor, most), LEAST_FACTOR), FACTOR_OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = is_active & ~served
     reaches = (wanted < reach * (last - t)).select(t + taken, last)
     after = moved.select(reaches, t)
-    longer_now = (on_trial > 0.0).select(AFTER_TRIAL, LONGER)
-    after_this = accepted.select(longer_now, AFTER_REFUSED)
+    longer_now = (on_trial > 0.0).select(FACTOR_AFTER_TRIAL, MOST_FACTOR)
+    after_this = accepted.select(longer_now, FACTOR_AFTER_REFUSED)
     return {
         "accepted": moved.select(1.0, 0.0),
         "served": served.select(1.0, 0.0),
@@ -254,7 +260,7 @@ def _is_stiff(rates, states, limit):
 @scalar_kernel
 def LOOKS(t, taken, wanted, rates, states, stiff, apart, shortest, limit):
     """Return True if `TURN_EXPLICIT` may change a lane: its step looks stiff, or it may end."""
-    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > BOUNCES)
+    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > APART_OF_BOUNCE)
     is_short = wanted < larger(shortest * t, TINY)
     return {"looks": (taken > 0.0) & (is_stiff | is_short)}
 
@@ -266,24 +272,24 @@ def TURN_EXPLICIT(
 ):  # fmt: skip
     """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
-    `easy` counts the accepted steps since the last stiff one. At FORGET of them the count `stiff`
-    becomes 0. The lane ends if its next step would be too short (`_ends`).
+    `easy` counts the accepted steps since the last stiff one. At STEPS_TO_FORGET of them the count
+    `stiff` becomes 0. The lane ends if its next step would be too short (`_ends`).
     """
     _, state = _ends(t, taken, wanted, state, shortest)
     is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
-    more = is_stiff.select(1.0, (apart > BOUNCES).select(OF_BOUNCE, 0.0))
+    more = is_stiff.select(1.0, (apart > APART_OF_BOUNCE).select(COUNT_OF_BOUNCE, 0.0))
     easy_now = (more > 0.0).select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
-    stiff_now = (more > 0.0).select(stiff + more, (easy_now < FORGET).select(stiff, 0.0))
+    stiff_now = (more > 0.0).select(stiff + more, (easy_now < STEPS_TO_FORGET).select(stiff, 0.0))
     easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
     is_false = (taken > 0.0) & _is_false(ratio, apart)
-    stiff = accepted.select(stiff_now, is_false.select(stiff + OF_FALSE, stiff))
+    stiff = accepted.select(stiff_now, is_false.select(stiff + COUNT_OF_FALSE, stiff))
     turns = (stiff >= patience) & (switches > 0.0) & (state < LaneState.IMPLICIT)
     return {
-        "longer": turns.select(AT_FIRST, longer),
+        "longer": turns.select(FACTOR_AT_FIRST, longer),
         "state": turns.select(float(LaneState.IMPLICIT), state),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
-        "trial": turns.select(TRIAL, trial),
+        "trial": turns.select(TRIAL_STEPS, trial),
     }
 
 
@@ -291,10 +297,10 @@ def TURN_EXPLICIT(
 def TURN_IMPLICIT(
     t, taken, wanted, state, easy, patience, trial, accepted, rate, shortest, limit, switches,
 ):  # fmt: skip
-    """Count easy steps in a row; after EASY of them an implicit lane turns explicit.
+    """Count easy steps in a row; after EASY_STEPS of them an implicit lane turns explicit.
 
     A step is easy if h |mu| < 2 limit, so that an explicit step could be as long. In the trial, the
-    first TRIAL steps, this bound is lower. A lane that turns explicit in its trial has more
+    first TRIAL_STEPS steps, this bound is lower. A lane that turns explicit in its trial has more
     `patience` afterwards, so that it does not change back and forth.
     """
     runs, state = _ends(t, taken, wanted, state, shortest)
@@ -304,10 +310,10 @@ def TURN_IMPLICIT(
     product = rate * wanted
     is_easy = (product < 2.0 * limit) & (product < is_trial.select(0.6 * limit, inf))
     easy_now = is_easy.select(easy + 1.0, 0.0)
-    patient = (is_easy | is_trial).select(patience, PATIENCE)
+    patient = (is_easy | is_trial).select(patience, STIFF_STEPS)
     easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
-    turns = (easy >= EASY) & (switches > 0.0) & runs & accepted & (state < LaneState.DONE)
-    after_trial = is_trial.select(smaller(4.0 * patience, MOST_PATIENCE), patience)
+    turns = (easy >= EASY_STEPS) & (switches > 0.0) & runs & accepted & (state < LaneState.DONE)
+    after_trial = is_trial.select(smaller(4.0 * patience, MOST_STIFF_STEPS), patience)
     explicit = smaller(wanted, limit / larger(rate, TINY))
     return {
         "wanted": turns.select(explicit, wanted),
@@ -322,10 +328,11 @@ def TURN_IMPLICIT(
 def COUNT(t, state, tries, counted_from, last, most):
     """Return rows of a lane: after more than `most` tries it ends, unless it has moved on.
 
-    It has moved on if the time is ADVANCE times the last time later than at the last such test.
+    It has moved on if the time is LEAST_ADVANCE times the last time later than at the last such
+    test.
     """
     is_over = tries > most
-    stands = is_over & (state < LaneState.DONE) & (t - counted_from < ADVANCE * last)
+    stands = is_over & (state < LaneState.DONE) & (t - counted_from < LEAST_ADVANCE * last)
     return {
         "state": stands.select(float(LaneState.TOO_MANY), state),
         "tries": is_over.select(0.0, tries),

@@ -9,7 +9,7 @@ at the end of the column b_B = b_B + s f_B(a_A). There a_A and b_B are the state
 smoothing is needed. The rule is symmetric, and has the weights of Gragg's rule.
 
 In close passages of Kepler's problem the error is up to 11 times that of Gragg's columns at equal
-estimates; therefore the estimate is multiplied by CAUTION.
+estimates; therefore the estimate is multiplied by CAUTION_OF_STORMER.
 
 If f may have thin layers, Gragg's rule is used, because only the difference of its two leapfrogs
 shows that all columns agree on a wrong end.
@@ -17,11 +17,11 @@ shows that all columns agree on a wrong end.
 
 from ..expressions.partitioned import part_of, sets_of
 from ..llvm.text import Carried
-from . import tolerance
+from . import allowed_errors
 from .gragg import ExplicitColumns, Gragg
+from .tolerances import CAUTION_OF_STORMER
 from .vector_functions import ProgramFunction
 
-CAUTION = 4.0  # factor of the error estimate
 OF_SETS = "f_a", "f_b"  # functions for the rates of the first and second set
 
 
@@ -33,7 +33,7 @@ class Stormer(Gragg):
     def __init__(self, f, columns):
         super().__init__(f, columns)
         self.sets = sets_of(f)
-        self.error_weights = [CAUTION * w for w in self.error_weights]
+        self.error_weights = [CAUTION_OF_STORMER * w for w in self.error_weights]
 
     @classmethod
     def fits(cls, f):
@@ -61,7 +61,7 @@ class Stormer(Gragg):
             own = Carried(rates=0.0, states=0.0)
             for i in text.listed(components)(own):
                 inputs = {"last": work.a[i], "inverse": work.inverse[i], "taken": work.taken[0]}
-                own.update(code.apply(tolerance.DIFFERENCES, i, **vars(own) | inputs))
+                own.update(code.apply(allowed_errors.DIFFERENCES, i, **vars(own) | inputs))
             sums.append(own)
         A, B = sums
         limit = code.number("limit")

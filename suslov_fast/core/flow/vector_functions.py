@@ -10,16 +10,11 @@ from collections import defaultdict
 
 import numpy as np
 
-from ..expressions.dense_product import AT_ONCE, ENTRY, is_matrix
+from ..expressions.dense_product import ENTRY, ROWS_AT_ONCE, is_matrix
 from ..expressions.numpy_evaluation import OF_LIBRARY, OF_LISTS
+from ..expressions.tolerances import OPERATIONS_OF_BLOCK
 from ..llvm.compiler import numbers_in_register
 from ..llvm.text import Carried, Index, Shared
-
-INLINED = 160  # the most operations of an f that is written into the loop of sub-steps, not called
-BLOCK = 64  # the most operations of a block of straight-line code
-# The most operations of an elimination in straight-line code: LLVM takes 20 us for each, 80 with
-# optimization. Longer eliminations are loops over arrays: steps take 2 to 4 times as long.
-LONGEST = 20_000
 
 
 class ProgramFunction:
@@ -104,18 +99,20 @@ class ProgramFunction:
                     computed[number] = found[number]
                     for k in rows[number]:
                         to[k] = found[number]
-            for begin in range(0, len(given), BLOCK):
+            for begin in range(0, len(given), OPERATIONS_OF_BLOCK):
                 if begin:
                     text.next_block()
-                for a, k in given[begin : begin + BLOCK]:
+                for a, k in given[begin : begin + OPERATIONS_OF_BLOCK]:
                     to[k] = self._result(text, a, {}, load)
 
 
 def _blocks(operations):
-    """Yield lists of up to BLOCK operations; a product with a dense matrix is alone in its list."""
+    """Yield lists of few operations; a product with a dense matrix is alone in its list."""
     block = []
     for each in operations:
-        if block and (len(block) == BLOCK or is_matrix(each[0]) or is_matrix(block[0][0])):
+        if block and (
+            len(block) == OPERATIONS_OF_BLOCK or is_matrix(each[0]) or is_matrix(block[0][0])
+        ):
             yield block
             block = []
         block.append(each)
@@ -126,8 +123,8 @@ def _blocks(operations):
 def multiply(text, matrix, values, to):
     """Write the product of a `DenseMatrix` and `values`, then the values, to the `Array` `to`.
 
-    For one trajectory AT_ONCE rows of the matrix are computed at a time, in vectors of rows. For
-    several trajectories as many rows are computed at a time as registers hold sums. An entry is
+    For one trajectory ROWS_AT_ONCE rows of the matrix are computed at a time, in vectors of rows.
+    For several trajectories as many rows are computed at a time as registers hold sums. An entry is
     0 + a_i0 v_0 + a_i1 v_1 + ..., added in this order.
     """
     n, m = matrix.matrix.shape
@@ -136,7 +133,7 @@ def multiply(text, matrix, values, to):
         v[j] = value
     wide, rows, step = text, 64 // text.W if numbers_in_register() == 8 else 4, 1
     if text.W == 1:
-        wide, rows, step = text.lanes(8), AT_ONCE, 8
+        wide, rows, step = text.lanes(8), ROWS_AT_ONCE, 8
     entries = Index(text, matrix.address(rows))
     for block in text.each(-(-n // rows)):
         sums = Carried(**{f"s{k}": wide.value(0.0) for k in range(0, rows, step)})

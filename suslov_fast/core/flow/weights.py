@@ -20,13 +20,13 @@ Robertson's problem) two thirds of the steps of 2, 3, ..., 32, 48, 64.
 
 from math import prod
 
+from .tolerances import RTOL_OF_9, RTOL_OF_11, RTOL_OF_12
+
 QUARTERS = 4, 8, 12, 16  # implicit columns with sub-steps that end at 1/4, 1/2 and 3/4 of a step
 
 OF_10, OF_12 = (2, 4, 6, 8, 10), (2, 4, 6, 8, 10, 14)  # explicit columns
 OF_7 = 2, 3, 4, 6, 8, 12, 16  # implicit columns
 OF_9, OF_11 = (*OF_7, 24, 32), (*OF_7, 24, 36, 56, 80)
-CLOSE = 1e-10  # the largest rtol with order 12
-CLOSE_IMPLICIT, CLOSEST = 5e-10, 2e-12  # implicit steps have order 9, or 11, if rtol is smaller
 
 
 def explicit_columns(rtol, has_surfaces):
@@ -36,14 +36,14 @@ def explicit_columns(rtol, has_surfaces):
     percent more above 1e-9. If steps may end on surfaces, the order is 10, for which the search for
     hidden crossings was measured: it needs steps that are not longer.
     """
-    return OF_12 if rtol <= CLOSE and not has_surfaces else OF_10
+    return OF_12 if rtol <= RTOL_OF_12 and not has_surfaces else OF_10
 
 
 def implicit_columns(rtol, has_surfaces):
     """Return the numbers N of sub-steps in implicit columns: more of them if rtol is small."""
-    if rtol >= CLOSE_IMPLICIT:
+    if rtol >= RTOL_OF_9:
         return OF_7
-    return OF_9 if rtol >= CLOSEST else OF_11
+    return OF_9 if rtol >= RTOL_OF_11 else OF_11
 
 
 def lanes_of(columns):

@@ -13,15 +13,10 @@ import numpy as np
 from ..expressions.function_records import same
 from ..expressions.numpy_evaluation import results_at
 from ..expressions.programs import emitted
+from ..expressions.tolerances import TINY
 from ..expressions.values import joined, larger
 from .constraint_forces import Constraint
-
-# A body may rest if its next bounce would last less than SOON times the time t, or would be lower
-# than LOW times the moduli of the terms of s and of t ds/dt, where s = 0 is the surface.
-SOON, LOW = 2.0**-35, 2.0**-42
-FAR = 2.0**-16  # a rest ends if |s| is above FAR t**2 times the size of the terms of d2s/dt2
-PULL = 64.0  # at rest errors of s decay as exp(-PULL t / T), where T is the last requested time
-LEAST = 2.0**-1000
+from .tolerances import END_OF_REST, LOW_BOUNCE, PULL_TO_REST, SHORT_BOUNCE
 
 
 def may_be_contact(action, D, P):
@@ -106,7 +101,7 @@ class Contacts:
     def with_pull(self, f):
         """Return rates f (D) with a pull back to s = 0 at rest, because errors of s would grow."""
         part, changes = self.values.number(self.values.modes[-2]), {}
-        k = PULL * self.sign * (1.0 - part) / part
+        k = PULL_TO_REST * self.sign * (1.0 - part) / part
         for c in self.contacts.values():
             bend = self.values.dot(c.constraint.gradient, f)
             changes[c.mode] = -(bend + 2.0 * k * c.rate + k * k * c.s)
@@ -118,8 +113,8 @@ class Contacts:
         So it is if the surface jumps away. `square` and `rounding` are those of the `Contact`. They
         have no kinks, as moduli would.
         """
-        way = FAR * (self.time * self.time)
-        return s * s - (way * way * square + LOW * LOW * rounding + LEAST)
+        way = END_OF_REST * (self.time * self.time)
+        return s * s - (way * way * square + LOW_BOUNCE * LOW_BOUNCE * rounding + TINY)
 
     def action_of(self, k):
         """Return operands: the surface where event k acts or rest ends, and the new state."""
@@ -154,8 +149,9 @@ class Contacts:
             [size] = values.at(x, (c.s,), phases=True)[1]
             if not same(c.moved.number, 0.0):
                 size = size + moved
-            low = LOW * (size + sizes[1] * time)  # smaller values of s are rounding
-            of_step = LOW * (abs(c.rate) * time) + force * (SOON * time) * (SOON * time) + LEAST
+            low = LOW_BOUNCE * (size + sizes[1] * time)  # smaller values of s are rounding
+            of_step = LOW_BOUNCE * (abs(c.rate) * time)
+            of_step = of_step + force * (SHORT_BOUNCE * time) * (SHORT_BOUNCE * time) + TINY
             # By the rounding of a surface that a body touches it may push other bodies.
             touched = larger(touched, (s <= low + of_step).select(low, 0.0))
             found.append((s, rate, bend, square, rounding, low, of_step))
@@ -167,7 +163,8 @@ class Contacts:
             if k == leaving:  # the event of this contact has led the body to its surface
                 is_on = is_on | (self._beyond(s, square, rounding) <= 0.0)
             # The duration of the next bounce, or its height, is below rounding errors.
-            is_slow = (2.0 * rate <= force * (SOON * time)) | (0.5 * (rate * rate) <= force * low)
+            is_slow = 2.0 * rate <= force * (SHORT_BOUNCE * time)
+            is_slow = is_slow | (0.5 * (rate * rate) <= force * low)
             lands = is_on & (is_slow | (rests & (rate <= 2.0 * abs(c.rate))))
             lands = lands & ~rests if k == leaving else lands
             side = -0.5 * (c.direction + 1) if c.direction else (bend > 0.0).select(-1.0, 0.0)

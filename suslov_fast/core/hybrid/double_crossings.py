@@ -13,8 +13,8 @@ States have errors of about rtol, so s has an error d of rtol times the sizes of
 d, a shorter step would not tell more: then e / d replaces e / |m|. At kinks, where f itself is
 continuous, d has rtol**(3/4) in place of rtol: a motion that is beyond the kink by less than d is
 there for a time of about d**(1/2), in which f is wrong by about d, and d**(3/2) is below rtol.
-Values of s within ROUNDING of its terms are no crossings: a temperature that relaxes to that of a
-room does not cross it.
+Values of s within ROUNDING_BETWEEN_POINTS of its terms are no crossings: a temperature that relaxes
+to that of a room does not cross it.
 
 The five values do not show a narrow hump of s between two points, as of a bell curve; polynomials
 have no such humps. At a hump the rate ds/dt changes its sign between two points. If the straight
@@ -44,21 +44,24 @@ from ..expressions.programs import (
 )
 from ..expressions.rounding import sizes_of
 from ..expressions.tables import LARGEST
+from ..expressions.tolerances import TINY
 from ..expressions.values import larger, operand_of, smaller
+from .tolerances import (
+    ERROR_OF_POINTS,
+    LEAST_OF_THIRD,
+    MOST_HIDDEN,
+    ROUNDING_BETWEEN_POINTS,
+    STRAIGHT,
+    ZERO_RATE_OF_TERMS,
+)
 
 # Fractions of a step. Their distances differ, because a wave may vanish at equally spaced points.
 POINTS = 0.23, 0.49, 0.76, 1.0
 _FRACTIONS, MIDDLE = (0.0, *POINTS), 2
-ROUNDING, TINY, MOST = 2.0**-40, 2.0**-1000, 1e4
 # The error e of s (above) is OF_FOURTH times the fourth divided difference of s, and at least
-# OF_THIRD times the third, because the fourth may be 0 by chance.
+# LEAST_OF_THIRD times the third, because the fourth may be 0 by chance.
 OF_FOURTH = 16.0 * prod(abs(POINTS[1] - u) for u in _FRACTIONS if u != POINTS[1])
-OF_THIRD = 2.0**-7
 WAVES, QUARTER = ("sin", "cos", "tan"), 0.5 * pi
-# A hump of s between two points is narrow if the straight line through the rates ds/du there misses
-# the rate at a neighbouring point by over STRAIGHT times the difference of both. A rate counts as
-# 0 up to OF_TERMS times its terms, plus the change of s if x has relative errors OF_STATES + rtol.
-STRAIGHT, OF_TERMS, OF_STATES = 0.25, 2.0**-10, 2.0**-38
 _OF_POLYNOMIALS = "fadd", "fsub", "fmul", "fabs", "max", "min", "select", ENTRY, *WAVES
 
 
@@ -75,7 +78,7 @@ class DoubleCrossings(NamedTuple):
 
     The results of `decision` are maxima over all surfaces, with e and m of the head of this file:
 
-    1. e / |m|; from 1 on the step must be shorter. The result is MOST if interpolation or the rates
+    1. e / |m|; from 1 on the step must be shorter. It is MOST_HIDDEN if interpolation or the rates
        show two crossings that the values at the points do not show.
     2. 1 if the values at the points show two crossings, else 0.
     3. The change of a phase from point to point, in quarters of a turn.
@@ -140,13 +143,13 @@ def _rates_of(f, watched, humps):
     values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
     new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
     surfaces = emitted(values, program_of(watched.operations, humps), new)
-    results, of_states = [], values.number(2 * D) + OF_STATES
+    results, of_states = [], values.number(2 * D) + ERROR_OF_POINTS
     rows, v = gradients_along(values, surfaces, D, {j: D + j for j in range(D)})
     for row in rows:
         rate = zero = 0.0
         for j, slope in row.items():
             term = values.number(slope) * values.number(v.get(j, 0.0))
-            rate, zero = rate + term, zero + abs(term) * OF_TERMS
+            rate, zero = rate + term, zero + abs(term) * ZERO_RATE_OF_TERMS
             zero = zero + abs(values.number(slope) * values.number(j)) * of_states
         results += [operand_of(rate), operand_of(zero)]
     return program_of(values.operations, results)
@@ -188,7 +191,7 @@ def _decision_of(f, watched, tested, by_states, humps, inside):
             low, high = interval
             opposite = rates and [[-r for r in rates[0]], rates[1]]
             both = ([s - low for s in points], rates), ([high - s for s in points], opposite)
-        rounding = error = ROUNDING * sizes[a]
+        rounding = error = ROUNDING_BETWEEN_POINTS * sizes[a]
         if a in by_states:
             root = values.number(rtol).sqrt()
             bends = surface.kind != "event" and not surface.jumps
@@ -238,14 +241,14 @@ def _decided(points, rates, rounding, tolerance):
     coefficients = _divided(points)
     least = smaller(_least_near(coefficients, place), inside)
     least = smaller(_least_near(coefficients, end), least)
-    error = larger(OF_FOURTH * abs(coefficients[4]), OF_THIRD * abs(coefficients[3]))
+    error = larger(OF_FOURTH * abs(coefficients[4]), LEAST_OF_THIRD * abs(coefficients[3]))
     error = (error < inf).select(error, 0.0)
     below = -(error + rounding)
-    ratio = smaller(error / larger(larger(abs(least), tolerance), TINY), MOST)
-    ratio = (inside < below).select(0.0, (least < below).select(MOST, ratio))
+    ratio = smaller(error / larger(larger(abs(least), tolerance), TINY), MOST_HIDDEN)
+    ratio = (inside < below).select(0.0, (least < below).select(MOST_HIDDEN, ratio))
     twice = (inside < below).select(1.0, 0.0)
     if rates:
-        ratio = _is_steep([sign * rate for rate in rates[0]], rates[1]).select(MOST, ratio)
+        ratio = _is_steep([sign * rate for rate in rates[0]], rates[1]).select(MOST_HIDDEN, ratio)
     return (agree | (inside >= 0.0)).select(ratio, 0.0), agree.select(twice, 0.0)
 
 

@@ -30,8 +30,6 @@ _BRANCHES = "select", "max", "min", "fabs", "floor"  # with these, s may be 0 in
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75  # the number in the row `side` (`flow.memory`) where s has no value
-# Errors of s, relative to its terms: by rounding in s, and by rounding of the state after a step.
-ROUNDING, NOISE = 2.0**-50, 2.0**-47
 # Constants of these operations become parameters, except the _PLAIN ones, which shorten programs.
 _OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "oge", "select"
 _PLAIN = 0.0, 1.0, -1.0

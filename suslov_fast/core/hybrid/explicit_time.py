@@ -15,8 +15,8 @@ from ..expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..expressions.programs import Expressions, emitted, needed_for, program_of
 from ..expressions.tables import is_table
 from .event_formulas import EventAction, components_of
+from .tolerances import LARGE_PHASE
 
-_LARGE = 2.0**20  # whole turns are removed from larger phases
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 
 
@@ -147,7 +147,7 @@ class ElapsedTime:
         """Return the operand q of a phase, less whole turns of 2 pi if q is large."""
         q, turn = self.values.number(q), 2.0 * math.pi
         rest = q - turn * (1.0 / turn * q).then("floor")
-        return (abs(q) > _LARGE).select(rest, q).number
+        return (abs(q) > LARGE_PHASE).select(rest, q).number
 
 
 def _sum(emit, name, a, b):

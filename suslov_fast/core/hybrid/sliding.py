@@ -19,22 +19,23 @@ from ..expressions.function_records import same
 from ..expressions.numpy_evaluation import results_at
 from ..expressions.programs import emitted, folded, program_of, renamed
 from ..expressions.projection import NOTHING
+from ..expressions.tolerances import TINY
 from ..expressions.values import Number, joined, operand_of
 from .constraint_forces import Constraint, ExtendedState
-from .contacts import FAR, LEAST, SOON, Contact, Contacts, may_be_contact
+from .contacts import Contact, Contacts, may_be_contact
 from .event_formulas import WITH_GAPS, EventAction, KeyedProgram
+from .tolerances import (
+    END_OF_REST,
+    MOST_MODES,
+    MOST_PAIRS_OF_MODES,
+    NEAR_SURFACE,
+    ON_SURFACE,
+    SHORT_BOUNCE,
+    ZERO_BESIDE,
+)
 
 _COMPARISONS = "olt", "ogt", "oge", "oeq"
 _KINKS = "fabs", "max", "min"
-ON = 2.0**-44  # a state is on a surface s = 0 if |s| <= ON times the moduli of the terms of s
-# Solutions may slide along all surfaces with |s| up to NEAR times the terms of s, or SOON times the
-# time t times the terms of ds/dt.
-NEAR = 2.0**-32
-BARELY = 2.0**-24  # ds/dt on one side of a surface counts as 0 up to BARELY times that on the other
-# The most surfaces (also kinks) and contacts of one f; the most pairs (a, b), also a = b, where
-# mode b changes the rate of mode a, times the number of modes. So 5 modes may change all rates, or
-# 12 their own rates alone. The time to compile grows with this product.
-MOST, MOST_PAIRS = 24, 150
 
 
 class _Rates:
@@ -202,7 +203,8 @@ class SlidingEquations(_Rates):
     is the sign of the time.
 
     size      the number of new components; 0 if no solution slides or rests, or if surfaces or
-              pairs of them that depend on one another are too many (`MOST`, `MOST_PAIRS`)
+              pairs of them that depend on one another are too many (`MOST_MODES`, then
+              `MOST_PAIRS_OF_MODES`)
     count     the number of surfaces. Their modes are components D, D + 1, ...; then come modes of
               contacts. If there are contacts or several surfaces (`has_clock`), two more
               components follow: T / (1 + T), where T is the last requested time, and the time
@@ -219,7 +221,7 @@ class SlidingEquations(_Rates):
         self.sign = sign = float(sign)
         comparisons, pairs = _comparisons_in(values, f)
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
-        if len(pairs) + len(touching) > MOST:
+        if len(pairs) + len(touching) > MOST_MODES:
             return
         # A surface has a mode if ds/dt jumps across it. A contact has a mode if its force changes
         # d2s/dt2, and if f neither jumps nor has a kink at its surface.
@@ -232,7 +234,7 @@ class SlidingEquations(_Rates):
                 del touching[k]
         super().__init__(f, comparisons, pairs, touching, D, P, kept)
         changes = sum(self.changes(a, b) for a, b in product(self.constraints, repeat=2))
-        if not 0 < changes * len(self.constraints) <= MOST_PAIRS:
+        if not 0 < changes * len(self.constraints) <= MOST_PAIRS_OF_MODES:
             self.size = 0
             return
         self.contacts = {k: contact.mode for k, contact in self.touching.items()}
@@ -327,8 +329,8 @@ class SlidingEquations(_Rates):
             wanted = self.surfaces[g], *self.toward[g]
             (s, below, above), (size, *_) = self.values.at(x, wanted)
             mode = number(x[D + g])
-            is_on = mode.equals(0.0) | (abs(s) <= ON * size + LEAST)
-            part = -BARELY
+            is_on = mode.equals(0.0) | (abs(s) <= ON_SURFACE * size + TINY)
+            part = -ZERO_BESIDE
             if g == at:  # a solution that arrives stays on its side only if f leads away there
                 part, is_on = self.slides[g].select(part, 0.0), self.values.true
             stays = ~mode.equals(0.0) & _leads_to(mode, below, above, part)
@@ -357,7 +359,7 @@ class SlidingEquations(_Rates):
         def within(part, soon=0.0):
             both = zip(s, sizes, rates, modes, strict=True)
             near = [
-                mode.equals(0.0) | (abs(a) <= part * size + soon * rate + LEAST)
+                mode.equals(0.0) | (abs(a) <= part * size + soon * rate + TINY)
                 for a, size, rate, mode in both
             ]
             return [values.true if g == at else a for g, a in enumerate(near)]
@@ -365,7 +367,7 @@ class SlidingEquations(_Rates):
         def with_modes(modes):
             return [*x[:D], *map(operand_of, modes), *x[D + n :]]
 
-        near, on = within(NEAR, SOON * time), within(ON)
+        near, on = within(NEAR_SURFACE, SHORT_BOUNCE * time), within(ON_SURFACE)
         sliding = [a.select(0.0, mode) for a, mode in zip(near, modes, strict=True)]
         jumps = [values.dot(c.gradient, c.direction) for c in [*self.constraints.values()][:n]]
         factors = [self.factors[D + g] for g in range(n)]
@@ -376,17 +378,17 @@ class SlidingEquations(_Rates):
         modes = [can_slide.select(a, b) for a, b in zip(sliding, modes, strict=True)]
         # Other surfaces do not depend on the new modes; events of their own change their modes.
         new = [a if g in surfaces else ~values.true for g, a in enumerate(on)]
-        is_right = self._are_consistent(with_modes(modes), new, -BARELY)
+        is_right = self._are_consistent(with_modes(modes), new, -ZERO_BESIDE)
         if n == 2:
             count, best, both = number(0.0), modes, on[0] & on[1]
             for pair in product((1.0, -1.0, 0.0), repeat=2):
-                truth = both & self._are_consistent(with_modes(pair), on, BARELY)
+                truth = both & self._are_consistent(with_modes(pair), on, ZERO_BESIDE)
                 count = count + truth.select(1.0, 0.0)
                 best = [truth.select(a, b) for a, b in zip(pair, best, strict=True)]
             is_only = count.equals(1.0)
             modes = [is_only.select(a, b) for a, b in zip(best, modes, strict=True)]
             is_right = is_only | (is_right & (count < 1.5))
-        far = FAR * joined("fadd", [abs(number(a)) for a in x[:D]])
+        far = END_OF_REST * joined("fadd", [abs(number(a)) for a in x[:D]])
         wrong = [mode * a < -far for mode, a in zip(modes, s, strict=True)]
         wrong += [modes[g].equals(0.0) & modes[h].equals(0.0) for g, h in self.dependent]
         modes[0] = reduce(Number.__or__, wrong, ~is_right).select(inf, modes[0])
@@ -411,7 +413,7 @@ def _leads_to(mode, below, above, part):
     """
 
     def leads(rate, other):
-        return rate >= part * (abs(other) + LEAST)
+        return rate >= part * (abs(other) + TINY)
 
     up, down = leads(above, below), leads(-below, above)
     returns = leads(below, above) & leads(-above, below)

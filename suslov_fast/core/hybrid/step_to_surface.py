@@ -12,9 +12,8 @@ from ..expressions.derivative import gradients_along
 from ..expressions.programs import Expressions, emitted, program_of
 from ..expressions.rounding import sizes_of
 from ..expressions.values import larger, operand_of, smaller
-from .event_formulas import GAP, NOISE
-
-SOONER = 2.0**-22  # factor of the time to s = 0 where rounding makes the sign of s uncertain
+from .event_formulas import GAP
+from .tolerances import NOISE_OF_SURFACE, SOONER
 
 
 def aim_of(f, watched, events, surfaces, is_implicit):
@@ -27,7 +26,7 @@ def aim_of(f, watched, events, surfaces, is_implicit):
     2. the longest time since a crossing: 0 without a crossing, infinity if the rate s' leads back
        or is not used (after an implicit step, see above),
     3. the least time to a surface of an event, times SOONER if rounding makes s uncertain
-    (`NOISE`).
+    (`NOISE_OF_SURFACE`).
     """
     D, of_changes = f.D, events.surface_count if events else 0
     first = 2 * (D + of_changes)
@@ -65,7 +64,7 @@ def aim_of(f, watched, events, surfaces, is_implicit):
             left = value / -rate
             aim = smaller(leads.select(left, inf), aim)
             if is_event:
-                left = (abs(value) <= NOISE * sizes[old]).select(SOONER * left, left)
+                left = (abs(value) <= NOISE_OF_SURFACE * sizes[old]).select(SOONER * left, left)
                 left_of_events = smaller(leads.select(left, inf), left_of_events)
             since = is_beyond.select(larger(since, leads.select(-left, inf)), since)
     return program_of(values.operations, [*map(operand_of, (aim, since, left_of_events))])

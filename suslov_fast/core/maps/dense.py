@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..expressions.symbolic_elimination import LEAST_PIVOT
+from ..expressions.tolerances import LEAST_PIVOT
 from ..numba.arrays import array_at, uncounted
 from ..numba.decorators import c_function, function, kernel, lesser, share
 from ..numba.gauss import simd_max, simd_min

@@ -4,10 +4,9 @@ The code takes a line of W lanes. Its values stay in registers, and are bitwise 
 values of `evaluate` in NumPy. `driver` and `text_of_stage`, for loops of users, use `Stage`.
 """
 
+from ..expressions.tolerances import OPERATIONS_OF_BLOCK
 from ..llvm.text import Code, Shared, Truth, Value
 from ..numba.status_codes import CHANGED
-
-BLOCK = 64  # operations of a basic block in a long program: LLVM's time is quadratic in its length
 
 
 class Stage:
@@ -31,7 +30,7 @@ class Stage:
 
     def carry_out(self, operations, values):
         """Add the code of operations, in blocks if many; results go to `values` by number."""
-        size = BLOCK if self.step.is_long else len(operations)
+        size = OPERATIONS_OF_BLOCK if self.step.is_long else len(operations)
         for begin in range(0, len(operations), max(size, 1)):
             if begin:
                 self.text.next_block()

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ..expressions.symbolic_elimination import LEAST_PIVOT
+from ..expressions.tolerances import LEAST_PIVOT
 from .decorators import ZERO, formula, function, inlined, lesser
 from .intrinsics import select
 from .status_codes import NONFINITE, OK, SINGULAR

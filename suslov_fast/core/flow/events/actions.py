@@ -11,36 +11,40 @@ state with |s| <= `near` is on the surface.
 
 from math import inf
 
+from ...expressions.tolerances import TINY
 from ...expressions.values import larger, smaller
-from ...hybrid.event_formulas import GAP, NOISE, OF_SURFACE, ROUNDING
+from ...hybrid.event_formulas import GAP, OF_SURFACE
+from ...hybrid.tolerances import NOISE_OF_SURFACE, ROUNDING_OF_SURFACE
 from ...llvm.text import Carried, Integers, Shared
 from ..codegen import larger_of
 from ..growing_components import RAISED
 from ..memory import LaneState
 from ..projection import keep_levels
-from ..scalar_kernels import AT_ONCE, EDGE, NEARLY, TINY, scalar_kernel
-from ..step_length import AT_FIRST, first_length, sizes_of
+from ..scalar_kernels import scalar_kernel
+from ..step_length import first_length, sizes_of
+from ..tolerances import (
+    ACTIONS_AT_ONCE,
+    ACTIONS_AT_ONE_INSTANT,
+    AT_ONCE,
+    EDGE,
+    FACTOR_AT_FIRST,
+    FASTER_AFTER_ACTION,
+    GROWTH_AFTER_SURFACE,
+    LOW_AFTER_ACTION,
+    MOMENT,
+    NEARLY,
+    SLOW_AT_SURFACE,
+)
 from . import branch_choice
-from .location import AFTER_THIS
 from .records import record
 
-# A trajectory ends if an event acts again at once this often in a row, or if this many events act
-# at one instant in addition to one on each surface.
-ACTIONS_AT_ONCE, MOST_AT_ONCE = 4.0, 64.0
-LOW = 2.0**-44  # a sum below LOW times the sum of the moduli of its terms is rounding
-SOON = 2.0**-20  # ds/dt decides no side if s changes only by rounding in SOON * last time
-LEAST = 2.0**-1074  # the least positive number
-# ds/dt after events is compared with ds/dt a moment later: MOMENT times the last step, or if this
-# step was cut to less than OF_NEXT times the next one, of that length. After a step of 4e-15 the
-# change of ds/dt was rounding, and a hop was not seen.
-MOMENT, OF_NEXT = 2.0**-16, 1.0 / AFTER_THIS
+LEAST_POSITIVE = 2.0**-1074  # the least positive number
 STAYS = 0.25  # a mark in the row `side` (else 0, 1 or `GAP`): the state stays on the surface
-FASTER = 4.0  # the next step may be cut if an action makes f more than FASTER times as large
 
 
 def _level(is_above, value, rounding):
     """Return a level c for which s - c is on the side `is_above`, with s = `value`; 0 if s is."""
-    below = (value < 0.0).select(0.0, value + (rounding + LEAST))
+    below = (value < 0.0).select(0.0, value + (rounding + LEAST_POSITIVE))
     return is_above.select(smaller(value, 0.0), below)
 
 
@@ -53,10 +57,10 @@ def _side(value, rate, size, rate_size, near, t, sign, at=0.0):
     `level` becomes a number close to s, such that s is on this side of it. If the rate is rounding,
     the side is STAYS.
     """
-    rounding = ROUNDING * (size + rate_size * t)
+    rounding = ROUNDING_OF_SURFACE * (size + rate_size * t)
     away = smaller(abs(value), abs(value - at))
     is_on = away <= larger(near, NEARLY * t * abs(rate)) + rounding
-    stays = abs(rate) <= ROUNDING * rate_size
+    stays = abs(rate) <= ROUNDING_OF_SURFACE * rate_size
     goes_up = sign * rate > 0.0
     level = _level(goes_up, value, rounding)
     side = stays.select(STAYS, goes_up.select(1.0, 0.0))
@@ -78,7 +82,7 @@ def SIDE_AT_START(value, rate, size, rate_size, near, t, sign, holds):
     held = (holds > 1.0) & (found["is_on"] > 0.0)
     return {
         "side": held.select(1.0, found["side"]),
-        "level": held.select(-abs(value) - ROUNDING * size, found["level"]),
+        "level": held.select(-abs(value) - ROUNDING_OF_SURFACE * size, found["level"]),
     }
 
 
@@ -95,9 +99,10 @@ def TOUCHING_SIDE(
     """
     is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
     is_flat = is_flat & (has_branches > 0.5)
-    lifts = side.equals(STAYS) & (-(fired * sign) * (later - rate) > ROUNDING * rate_size)
+    stays = side.equals(STAYS)
+    lifts = stays & (-(fired * sign) * (later - rate) > ROUNDING_OF_SURFACE * rate_size)
     back = (fired < 0.0).select(1.0, 0.0)
-    level_back = _level(fired < 0.0, value, ROUNDING * size)
+    level_back = _level(fired < 0.0, value, ROUNDING_OF_SURFACE * size)
     return {
         "side": is_flat.select(1.0, lifts.select(back, side)),
         "level": is_flat.select(0.0, lifts.select(level_back, level)),
@@ -133,10 +138,11 @@ def CROSSED(
     has_side = ~(stays | side.equals(GAP))
     of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
     near = (f_ends > 0.0).select(larger(near, EDGE * t * abs(rate)), near)
-    of_terms = stays.select(LOW, NOISE) * size
+    of_terms = stays.select(LOW_AFTER_ACTION, NOISE_OF_SURFACE) * size
     at = (holds > 1.0).select(0.0, level)
     near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign, at)
-    on, is_slow = near_surface["is_on"] > 0.0, SOON * last * abs(rate) <= ROUNDING * size
+    on = near_surface["is_on"] > 0.0
+    is_slow = SLOW_AT_SURFACE * last * abs(rate) <= ROUNDING_OF_SURFACE * size
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
     here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
@@ -152,7 +158,8 @@ def CROSSED(
     lasts = has_side & now.equals(side) & of_value.equals(side)
     lasts = lasts & ((value >= 0.0) ^ (side > 0.5))
     moved = on & has_side & (by_motion | of_rest)
-    moved = moved.select(_level(now > 0.5, value, ROUNDING * size), lasts.select(level, 0.0))
+    own = _level(now > 0.5, value, ROUNDING_OF_SURFACE * size)
+    moved = moved.select(own, lasts.select(level, 0.0))
     moved = (holds > 1.0).select(level, moved)
     changes = is_here | (stays & (accepted > 0.0))
     return {
@@ -182,16 +189,16 @@ def AGAIN(
     becomes positive again, it is negative there: at the end of this step the return is seen.
     """
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
-    is_on = abs(value) <= near + (ROUNDING * size + TINY)
-    stays = abs(rate) <= ROUNDING * (rate_size + abs(rate_before))
+    is_on = abs(value) <= near + (ROUNDING_OF_SURFACE * size + TINY)
+    stays = abs(rate) <= ROUNDING_OF_SURFACE * (rate_size + abs(rate_before))
     turn, change = -(fired * sign), later - rate
-    bends = (abs(change) > ROUNDING * rate_size) & (turn * change < 0.0)
+    bends = (abs(change) > ROUNDING_OF_SURFACE * rate_size) & (turn * change < 0.0)
     returns = is_on & bends & (stays | (turn * rate > 0.0))
     comes_back = returns & (abs(rate) < abs(rate_before))
     parabola = (abs(rate) + abs(rate)) * (moment / abs(change))
     rests = rests > 0.0
     away = (comes_back & ~rests).select(parabola, gap)
-    of_terms = LOW * (size + rate_size * now)  # rounding errors of s at times near t
+    of_terms = LOW_AFTER_ACTION * (size + rate_size * now)  # rounding errors of s at times near t
     is_low = is_on & (comes_back | ~stays) & (0.25 * (abs(rate) * away) <= of_terms)
     is_soon = (away <= AT_ONCE * rests.select(t, now)) | (is_low & ~rests)
     is_at_once = is_fired & is_soon
@@ -213,12 +220,12 @@ def AGAIN(
 def LENGTH_AFTER_ACTIONS(size, rate, largest, rate_before, wanted, part, last, longest, hop):
     """Return the next length: `wanted`, or the `first_length` at the new state if that is longer.
 
-    If actions have made f more than FASTER times as large, `wanted` is first cut to the
-    `first_length` for the largest values so far. The length is at most `hop`.
+    If actions have made f more than FASTER_AFTER_ACTION times as large, `wanted` is first cut to
+    the `first_length` for the largest values so far. The length is at most `hop`.
     """
     guess = first_length(size, rate, part, last)
     of_largest = first_length(larger(size, largest), rate, part, last)
-    least = (rate > FASTER * rate_before).select(smaller(wanted, of_largest), wanted)
+    least = (rate > FASTER_AFTER_ACTION * rate_before).select(smaller(wanted, of_largest), wanted)
     guess = larger((rate > 0.0).select(guess, 0.0), least)
     return {"wanted": smaller(smaller(smaller(guess, last), longest), hop)}
 
@@ -325,7 +332,7 @@ def _look_at_end(code):
 def _look_a_moment_later(code):
     """Write what `_look` finds at surfaces a moment after the step to `ahead`; return this time."""
     work = code.work
-    moment = MOMENT * larger_of(work.taken[0], OF_NEXT * code.line.wanted[0])
+    moment = MOMENT * larger_of(work.taken[0], 1.0 / GROWTH_AFTER_SURFACE * code.line.wanted[0])
     signed = code.number("sign") * moment
     for i in code.text.each(code.D):
         work.start[i] = work.new[i] + signed * work.f_new[i]
@@ -355,7 +362,7 @@ def _act_at_times(code):
 
 def _most(events):
     """Return how many actions on surfaces the events of an `EventSet` may make at one instant."""
-    return MOST_AT_ONCE + events.surface_count
+    return ACTIONS_AT_ONE_INSTANT + events.surface_count
 
 
 def most_records(events, equal):
@@ -449,7 +456,7 @@ def _cross(code, k, is_there, by_motion):
         if events.components[k]:
             _look_at_end(code)
             after = _at_surface(code.work.toward, k)  # the state was on this surface
-            after["near"] = crossing["near"] + LOW * after["size"]
+            after["near"] = crossing["near"] + LOW_AFTER_ACTION * after["size"]
             own = after["rate_size"]
             after["rate_size"] = own + abs(numbers["rate"])
             now = code.apply(SIDE, **after)
@@ -457,7 +464,7 @@ def _cross(code, k, is_there, by_motion):
                 is_above = after["value"] > 0.0
                 level = is_above.select(0.0, after["value"])
                 terms = own if events.holds[k] < 2 else after["rate_size"]
-                level = level - ROUNDING * (after["size"] + terms * line.t[0])
+                level = level - ROUNDING_OF_SURFACE * (after["size"] + terms * line.t[0])
                 now = {"side": text.value(1.0), "level": level}
             line.side.choose(fires, place, now["side"])
             line.side.choose(fires, place + 1, now["level"])
@@ -555,6 +562,6 @@ def _go_on(code, at_given_time, again):
     inputs = vars(sums) | vars(again) | {"endless": endless}
     inputs |= {"largest": before.size, "rate_before": before.rate}
     found = code.apply(LENGTH_AFTER_ACTIONS, **inputs) | code.apply(STATE_AFTER_ACTIONS, **inputs)
-    found |= {"longer": AT_FIRST, "stiff": 0.0, "easy": 0.0}
+    found |= {"longer": FACTOR_AT_FIRST, "stiff": 0.0, "easy": 0.0}
     code.keep(line, found, is_changed)
     keep_levels(code, is_changed, work.new)

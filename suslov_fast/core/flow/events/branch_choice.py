@@ -22,17 +22,17 @@ from ...expressions.values import larger, smaller
 from ...llvm.text import Carried, Intervals
 from .. import dense_output
 from ..memory import LaneState
-from ..scalar_kernels import AT_ONCE, scalar_kernel
+from ..scalar_kernels import scalar_kernel
+from ..tolerances import (
+    AT_ONCE,
+    BACK_AND_FORTH,
+    CHANGED_AGAIN,
+    EARLY,
+    FARTHEST_AHEAD,
+    NEAREST_AHEAD,
+)
 
 _BEFORE = 2  # number of results of `branches` that precede the branches
-
-BACK_AND_FORTH = 12.0  # so many changes of branches in a row, each at once, count as sliding
-# A change is at once if it follows another one within AT_ONCE times the largest of three: the time
-# t, the length of the next step, and EARLY times the last requested time.
-EARLY = 2.0**-12
-# If a solution ends just before a surface at the time t, other branches are sought NEAREST * t to
-# AHEAD * t later. If branches were last changed within AGAIN * t, it counts to BACK_AND_FORTH.
-NEAREST, AHEAD, AGAIN = 2.0**-44, 2.0**-38, 2.0**-28
 
 
 @scalar_kernel
@@ -60,7 +60,7 @@ def GOES_ON(t, ahead, chosen_at, chosen_often, first_state, last, stop, sign):
 
     If a trajectory goes on in this way too often in a row, it is SLIDING, as in `CHOSEN`.
     """
-    often = (t - chosen_at <= AGAIN * t).select(chosen_often + 1.0, 0.0)
+    often = (t - chosen_at <= CHANGED_AGAIN * t).select(chosen_often + 1.0, 0.0)
     slides, after = often >= BACK_AND_FORTH, smaller(t + ahead, stop)
     state = slides.select(float(LaneState.SLIDING), first_state)
     is_done = (after >= last) & (after < stop) & (state < LaneState.DONE)
@@ -142,7 +142,7 @@ def _jump(code, jumped):
         acted = line.t[0].equals(line.at[0]).select(1.0, 0.0)
     _choose(code, jumped, acted)
     code.keep(line, code.apply(CHOSEN, mode=code.mode, acted=acted), jumped)
-    ahead = _look_ahead(code, AHEAD)
+    ahead = _look_ahead(code, FARTHEST_AHEAD)
     back = jumped & (code.work.chosen[0] >= 0.0)
     with code.text.when(back.any(), likely=False):
         for i in code.text.each(code.integrator.D_of_surfaces):
@@ -232,7 +232,7 @@ def _go_on(code, ended):
     for i in text.each(code.extended):
         work.f_new.choose(ended, i, accepted.select(work.f_new[i], line.f_x[i]))
     none = ahead = text.value(0.0)
-    for part in (NEAREST, 8.0 * NEAREST, AHEAD):
+    for part in (NEAREST_AHEAD, 8.0 * NEAREST_AHEAD, FARTHEST_AHEAD):
         own = _look_ahead(code, part)
         ahead = (ahead.equals(0.0) & (work.chosen[1] > 0.0)).select(own, ahead)
     goes_on = ended & (ahead > 0.0)

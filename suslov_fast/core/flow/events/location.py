@@ -14,10 +14,11 @@ lie between `inner`, at which no surface is crossed, and `outer`, at which one i
 method uses values and rates at the ends of these steps (`step_to_surface`). If it fails, a straight
 line between the states at `inner` and `outer` is used: the next length is where it meets the
 surface. If the same end moves each time, the other end gets half the weight, a quarter, ... (the
-Illinois rule). After ROUNDS tries the length is the midpoint. The step of length `outer` is
-accepted if both lengths differ by less than PLACE of the time, or if it ends less than this time
-after the crossing. Points inside an implicit step are inaccurate, so the first length leads to the
-end of the part. If a step begins on a surface (after a bounce), Newton's method starts at its end.
+Illinois rule). After ROUNDS_OF_SEARCH tries the length is the midpoint. The step of length `outer`
+is accepted if both lengths differ by less than ACCURACY_OF_CROSSING of the time, or if it ends less
+than this time after the crossing. Points inside an implicit step are inaccurate, so the first
+length leads to the end of the part. If a step begins on a surface (after a bounce), Newton's method
+starts at its end.
 """
 
 import functools
@@ -27,21 +28,25 @@ from math import inf
 from ...expressions.values import larger, smaller
 from ...hybrid.double_crossings import MIDDLE, POINTS
 from ..memory import LaneState
-from ..scalar_kernels import EDGE, NEARLY, scalar_kernel
-from ..step_length import AFTER_REFUSED, SAFETY
-
-PLACE, PLACE_AT_0 = 2.0**-51, 2.0**-90  # accuracy of a crossing: parts of t and of the last time
-HIDDEN_FROM = 2.0**-20  # part of the last time: only longer steps are searched for double crossings
-LEAST_PART, MOST_PART, MOST_WEIGHT = 2.0**-40, 1.0 - 2.0**-10, 2.0**60
-ROUNDS = 14.0
-# The next surface may be as near as this one. So the step after a step to a surface is at most
-# the longer of AFTER_THIS times that step and AFTER_WHOLE times its own length without this limit.
-# x" = -sign(x) to t = 1e5 takes 9 steps, also refused ones, from jump to jump; without a limit
-# it takes 12. But a table of 6,000 random knots takes 1 % more time with 64, and 8 % with 8.
-AFTER_THIS, AFTER_WHOLE = 64.0, 2.0**-8
-OF_WAVES = 0.9  # next length, as a part of the longest that phases of sin and cos in s allow
-BESIDE = 2.0**-12  # difference of two fractions u of a step, whose states give dx/du
-ON = 2.0**-8  # part of a step: a crossing within it may be the surface on which the step begins
+from ..scalar_kernels import scalar_kernel
+from ..tolerances import (
+    ACCURACY_AT_0,
+    ACCURACY_OF_CROSSING,
+    BEGINS_ON,
+    BESIDE_POINT,
+    EDGE,
+    FACTOR_AFTER_REFUSED,
+    GROWTH_AFTER_SURFACE,
+    HIDDEN_FROM,
+    LEAST_CUT,
+    MOST_CUT,
+    MOST_WEIGHT,
+    NEARLY,
+    PART_AFTER_SURFACE,
+    PART_OF_WAVE,
+    ROUNDS_OF_SEARCH,
+    SAFETY,
+)
 
 
 def _bend(d, f_x, f_new, h, u):
@@ -101,7 +106,7 @@ def CROSSES(
     at its two ends show a crossing, or the values at its points show two (`twice`).
     """
     searched, is_long = outer < inf, taken > HIDDEN_FROM * last
-    accuracy = PLACE * (before + taken) + PLACE_AT_0 * last
+    accuracy = ACCURACY_OF_CROSSING * (before + taken) + ACCURACY_AT_0 * last
     is_crossed = searched.select(larger(crosses, twice), starts) > 0.0
     has_waves = (waves > 1.0) & is_long & ~searched
     shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # `hidden` is of order 4 in h
@@ -113,7 +118,7 @@ def CROSSES(
         "is_long": is_long,
         "hides": (hidden >= 1.0) & is_long,
         "has_waves": has_waves,
-        "shorter": smaller(taken * (OF_WAVES / waves), has_waves.select(inf, shorter)),
+        "shorter": smaller(taken * (PART_OF_WAVE / waves), has_waves.select(inf, shorter)),
     }
 
 
@@ -163,14 +168,14 @@ def SEARCH(
 
     heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
     # If the crossing lies at the start of the step, as after a jump, no straight line fits: bisect.
-    starts_on = cuts & (inner <= 0.0) & (part < LEAST_PART)
-    part = smaller(larger(part, LEAST_PART), (abs(weight) >= 2.0).select(MOST_PART, 1.0))
+    starts_on = cuts & (inner <= 0.0) & (part < LEAST_CUT)
+    part = smaller(larger(part, LEAST_CUT), (abs(weight) >= 2.0).select(MOST_CUT, 1.0))
     part, width = starts_on.select(0.5, part), outer - inner
     of_inner = (weight >= 1.0).select(heavier, 1.0)
     of_outer = (weight <= -1.0).select(heavier, 1.0)
     a, b = cuts.select(1.0, of_outer) * part, cuts.select(of_inner, 1.0) * (1.0 - part)
-    guess = inner + width * (rounds > ROUNDS).select(0.5, a / (a + b))
-    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS)
+    guess = inner + width * (rounds > ROUNDS_OF_SEARCH).select(0.5, a / (a + b))
+    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS_OF_SEARCH)
     guess = has_aim.select(aim + 0.5 * accuracy, guess)
     guess = smaller(larger(guess, inner + 0.75 * accuracy), outer - 0.75 * accuracy)
     return {
@@ -190,13 +195,13 @@ def NEXT_LENGTH(
     """Return the next length, and the rows of a search, which begins, goes on, or ends."""
     searches = cuts | holds
     forgets = ~searches & (taken > 0.0)
-    after_surface = smaller(whole, larger(AFTER_THIS * taken, AFTER_WHOLE * whole))
+    after_surface = smaller(whole, larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * whole))
     after_this = (moves & searched).select(after_surface, wanted)
     after_this = (moves & is_long).select(smaller(after_this, shorter), after_this)
     after_this = searches.select(length, after_this)
     return {
         "wanted": again.select(smaller(shorter, wanted), after_this),
-        "longer": again.select(AFTER_REFUSED, longer),
+        "longer": again.select(FACTOR_AFTER_REFUSED, longer),
         "inner": forgets.select(0.0, inner),
         "outer": forgets.select(inf, outer),
         "weight": forgets.select(0.0, weight),
@@ -341,7 +346,7 @@ def _look_inside(code, k, u, x):
     if of.phases:
         code.call("phases", x, code.table, phases.after(k * of.inside[0]))
     if of.rates:
-        beside = u - BESIDE if u == 1.0 else u + BESIDE
+        beside = u - BESIDE_POINT if u == 1.0 else u + BESIDE_POINT
         _put_point(code, code.text.value(beside), work.start)
         for i in _read(code):
             moving[i] = x[i]
@@ -375,7 +380,7 @@ def _aim(code, inputs, searches, from_start):
     taken, place, end = (inputs[name] for name in ("taken", "place", "end"))
     surfaces = code.integrator.event_surface_count
     comes_back = from_start & (inputs["crossed"] > 0.0) & (end <= POINTS[0])
-    comes_back = comes_back & (place <= ON * end)
+    comes_back = comes_back & (place <= BEGINS_ON * end)
     looks = searches | comes_back
     if surfaces:
         t, is_over = line.t[0], work.accepted[0] > 0.0

@@ -11,20 +11,14 @@ atol_i + rtol max(|x_i|, |x_next,i|) and the rounding of the weighted sum of col
 
 from math import sqrt
 
+from ..expressions.tolerances import TINY
 from ..expressions.values import larger
 from ..llvm.text import Carried
 from .codegen import weighted
 from .growing_components import alert
-from .scalar_kernels import TINY, scalar_kernel
-from .weights import CLOSE_IMPLICIT
+from .scalar_kernels import scalar_kernel
+from .tolerances import FLOOR_OF_IMPLICIT, ROUNDING_OF_CLOCKS, ROUNDING_OF_ENDS, RTOL_OF_9
 
-# Errors up to OF_CLOCK times the change of clocks are allowed: 1 - cos(t) is rounding at small t.
-SMALLEST, SMALLEST_OF_COLUMNS, OF_ROUNDING, OF_CLOCK = 2.0**-60, 2.0**-20, 2.0**-52, 2.0**-50
-# Errors of the Oregonator are at most 62 rtol with 2**-5, 1,436 rtol with 1; 2**-10 takes 10 % more
-# steps.
-OF_FEW = 2.0**-5
-# An error may be noise if it is less than NOISY times the largest component.
-NOISY = 2.0**-48
 # Inputs that allow larger than relative errors: TINY if `lost` is `growing_components.RELATIVE`.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
 
@@ -37,10 +31,10 @@ def floors_of(rtol, keeps):
     components at 1e-4 to 1e-2 of their largest values. With smaller floors a pendulum takes more
     steps at an equal error of 1e-3. Of 2,337 populations and oscillations at rtol = 1e-4, 21 are
     wrong unnoticed; with 1e-4 in place of the 3e-5 below 27 are, and with 1e-6 20 are. Below
-    CLOSE_IMPLICIT implicit steps have OF_FEW rtol: the Oregonator jumps when components have
+    RTOL_OF_9 implicit steps have FLOOR_OF_IMPLICIT rtol: the Oregonator jumps when components have
     decayed to 1e-3 of their largest values.
     """
-    implicit = min(rtol, 1e-4 * sqrt(rtol)) if rtol >= CLOSE_IMPLICIT else OF_FEW * rtol
+    implicit = min(rtol, 1e-4 * sqrt(rtol)) if rtol >= RTOL_OF_9 else FLOOR_OF_IMPLICIT * rtol
     return min(rtol, 1e-6 if keeps else 3e-5), implicit
 
 
@@ -56,13 +50,13 @@ def LARGEST(x, new, largest, counts, top, moved):
 def ALLOWED(new, largest, least, moved, extra, rtol, floor):
     """Return `inverse`: 1 / max(extra + max(rtol |new|, floor largest, least), 2**-50 moved)."""
     allowed = extra + larger(larger(rtol * abs(new), floor * largest), least)
-    return {"inverse": 1.0 / larger(allowed, OF_CLOCK * moved)}
+    return {"inverse": 1.0 / larger(allowed, ROUNDING_OF_CLOCKS * moved)}
 
 
 @scalar_kernel
 def ALLOWED_WITH_ATOL(x, new, noise, extra, rtol):
     """Return `inverse` = 1 / allowed error, with atol `extra`; `noise` is a result of `_noise`."""
-    allowed = larger(extra + rtol * larger(abs(x), abs(new)), OF_ROUNDING * noise)
+    allowed = larger(extra + rtol * larger(abs(x), abs(new)), ROUNDING_OF_ENDS * noise)
     return {"inverse": 1.0 / larger(allowed, TINY)}
 
 

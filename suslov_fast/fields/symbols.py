@@ -313,10 +313,14 @@ def interpolated(
     is_table = knots.ndim == 1 and knots.shape == heights.shape
     if not is_table or not (np.isfinite(knots).all() and np.isfinite(heights).all()):
         raise Untraceable("xp and fp of np.interp must be finite, and have one length")
+    if period is not None:  # one turn, with the last knot before it and the first one after it
+        turn = abs(float(period))
+        x, knots = np.mod(x, turn), knots % turn
+        order = np.argsort(knots, kind="stable")
+        knots = np.concatenate([[knots[order[-1]] - turn], knots[order], [knots[order[0]] + turn]])
+        heights = heights[[order[-1], *order, order[0]]]
     if (np.diff(knots) < 0).any():
         raise Untraceable("xp of np.interp must not decrease; equal neighbours are a jump")
-    if period is not None:
-        raise Untraceable("np.interp takes no period here: write np.interp(x % period, xp, fp)")
     tables = tuple(knots.tolist()), tuple(heights.tolist()), before, after
 
     def of_one(each: Any) -> Any:

@@ -282,11 +282,11 @@ def _components(result: Any, D: int) -> Any:
     is_sequence = isinstance(result, (tuple, list, np.ndarray))
     if D == 1 and not is_sequence:
         return [result]
-    shape = np.shape(result) if isinstance(result, np.ndarray) else ()
-    if not is_sequence or len(result) != D or shape == (D, 1):
-        received = f"an array of shape {shape}: pass lambda x: f(x).ravel()" if shape else result
-        raise ValueError(f"must return {D} components, not {received}")
-    if len(shape) > 1:
-        how = "for a matrix B of one column write B[:, 0]"
-        raise ValueError(f"must return {D} components, not an array of shape {shape}: {how}")
+    if isinstance(result, np.ndarray):
+        if result.size == D:  # as a column, from products of matrices
+            return result.ravel()
+        how = ": for a matrix B of one column write B[:, 0]" * (len(result.shape) > 1)
+        raise ValueError(f"must return {D} components, not an array of shape {result.shape}{how}")
+    if not is_sequence or len(result) != D:
+        raise ValueError(f"must return {D} components, not {result}")
     return result

@@ -219,6 +219,14 @@ class Motion(States):
         stopped = self.status == Status.STOPPED
         return self.final, self._t0 + np.where(stopped, self.end, self.time[-1])
 
+    def _to_draw(self) -> Motion:
+        """The motion or, for one trajectory at one or two times, the same one at 201 times."""
+        if self.status.size > 1 or len(self.time) not in (1, 2):
+            return self
+        first = self.time[0] if len(self.time) == 2 else 0.0
+        times = np.linspace(first, self.time[-1], 201)
+        return self._of(vars(self) | {"time": times, "states": self(times), "_derivatives": None})
+
     def _repr_html_(self) -> str:
         last = self.final.reshape(-1, len(self.names)).tolist() if len(self.time) else []
         about = zip(self.status.ravel().tolist(), self.end.ravel().tolist(), last, strict=False)

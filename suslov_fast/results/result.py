@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, integer, short, warn, wrong
+from ..checks import FloatArray, integer, short, wrong
 from ..fields.map import Map
 from ..fields.state_functions import function_values
 from ..keywords import lacking, public
@@ -292,7 +292,7 @@ class States(Result):
         """Draw the states over two components, over time, or in space (extra `plots`).
 
         For a chain of many variables ``ax.imshow(run.states, aspect="auto")`` draws a picture over
-        space and time. A single motion at one or two times is drawn as dots, with a warning.
+        space and time. A single motion at one or two times is drawn at 201 times.
 
         Parameters
         ----------
@@ -332,11 +332,11 @@ class States(Result):
         """
         from . import figures  # this imports Matplotlib
 
-        count = len(self.states)
-        if count < 3 and self.status.size == 1 and "map" not in vars(self):
-            warn(f"the motion has states at {count} times: pass time=np.linspace(0, T, 201)")
         chosen = self.body._layout.drawn(names or (0, 1))
-        return figures.plot_run(self, chosen, lines, color, ax, label, style)
+        return figures.plot_run(self._to_draw(), chosen, lines, color, ax, label, style)
+
+    def _to_draw(self) -> Self:
+        return self
 
     @public
     def member(self, k: int | tuple[int, ...], /) -> Self:

@@ -196,6 +196,15 @@ def test_lists_of_names_and_properties_of_lines():
     assert few[0].get_markersize() > 4
 
 
+def test_a_motion_at_its_last_time_is_drawn_as_a_whole():
+    whole = sf.flow(SPRING, [1.0, 0.0], time=np.linspace(0, 9, 201))
+    for times in (9.0, [0.0, 9.0]):
+        [line] = sf.flow(SPRING, [1.0, 0.0], time=times).plot("time", "q").get_lines()
+        np.testing.assert_array_equal(line.get_xydata(), np.c_[whole.time, whole["q"]])
+    several = sf.flow(SPRING, [[1.0, 0.0], [2.0, 0.0]], time=9.0).plot("q", "p")
+    assert [len(line.get_xydata()) for line in several.get_lines()] == [1, 1]
+
+
 def test_a_second_parameter_is_told():
     several = SPRING.with_parameters(k=[[1.0], [2.0], [3.0]], c=[0.1, 0.5])
     times = np.linspace(0, 9, 100)

@@ -33,11 +33,11 @@ def panel(axis, pairs, written):
         axis.plot(value, y, marker, color=colour, markersize=9, label=label)
         axis.text(1.02, y, written.format(value), **beside)
         axis.text(0.01, y - 0.42, plain(row), **beside, bbox=BEHIND)
-    for row, value in pairs:
-        if row.whose not in KINDS:
-            axis.axvline(value, color="#2c2c2c", linestyle="--", linewidth=1)
-            place = {"ha": "right", "va": "center", "fontsize": 8}
-            axis.text(value, len(dots) - 0.4, plain(row) + " ", **place)
+    limits = [pair for pair in pairs if pair[0].whose not in KINDS]
+    for k, (row, value) in enumerate(limits):
+        axis.axvline(value, color="#2c2c2c", linestyle="--", linewidth=1)
+        place = {"ha": "right", "va": "center", "fontsize": 8, "bbox": BEHIND}
+        axis.text(value, len(dots) - 0.6 + 0.36 * k, plain(row) + " ", **place)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_yticks(range(len(dots)), [""] * len(dots))
     axis.set_ylim(len(dots), -0.7)

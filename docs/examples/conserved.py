@@ -1,6 +1,6 @@
 """Kepler's problem for 10,000 periods, without and with its energy kept.
 
-Left, the change of the energy, where 0 is drawn as 1e-17. Right, the error of the position, which
+Above, the change of the energy, where 0 is drawn as 1e-17. Below, the error of the position, which
 returns after each period. Without the energy the error of the phase grows as the square of time.
 """
 
@@ -18,13 +18,13 @@ kepler = Field.from_hamiltonian(energy, "x y u v")
 start = [0.4, 0, 0, 2.0]  # pericentre of an ellipse of eccentricity 0.6
 periods = np.unique(np.geomspace(1, 10_000, 60).round())
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
+figure, (above, below) = plt.subplots(2, sharex=True, figsize=(5.2, 5.2), layout="constrained")
 for label, field in ("flow of field", kepler), ("flow of field.conserving()", kepler.conserving()):
     motion = flow(field, start, time=2 * np.pi * periods)
     change = abs(motion.energy() + 0.5) + 1e-17
     error = np.hypot(*(motion.states[:, :2] - start[:2]).T)
-    left.loglog(periods, change, ".-", linewidth=1, label=label)
-    right.loglog(periods, error, ".-", linewidth=1, label=label)
-left.set(xlabel="periods", ylabel="change of the energy")
-right.set(xlabel="periods", ylabel="error of the position")
-right.legend(fontsize="small")
+    above.loglog(periods, change, ".-", linewidth=1, label=label)
+    below.loglog(periods, error, ".-", linewidth=1, label=label)
+above.set(ylabel="change of the energy")
+below.set(xlabel="periods", ylabel="error of the position")
+below.legend()

@@ -10,7 +10,7 @@ import numpy as np
 from suslov_fast import Field, flow
 
 cos, sin = np.cos, np.sin
-figure, axes = plt.subplots(2, 2, figsize=(7.2, 6.4), layout="constrained")
+figure, axes = plt.subplots(2, 2, figsize=(6, 6), layout="constrained")
 
 
 def cross(a, b):

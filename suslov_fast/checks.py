@@ -40,6 +40,7 @@ Reals = (
 StatesLike = ArrayLike | Mapping[str, ArrayLike]
 
 _FLOAT64 = np.dtype(np.float64)
+_FLOATS = {float}
 _NUMBERS = {float, int, np.float64, Fraction}
 # Number of elements up to which a sum in Python is faster than a call of NumPy.
 _FEW = 64
@@ -141,9 +142,14 @@ def start_of(value: Any, time: Any) -> tuple[Any, Any]:
 
 def states(name: str, value: Any, labels: Sequence[str]) -> FloatArray:
     """Return states (..., D) with the components `labels`; a state with any NaN becomes all NaN."""
-    is_one = type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (len(labels),)
-    if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
-        return value  # for speed in small calls
+    if type(value) is np.ndarray:  # for speed in small calls, as the next lines
+        is_one = value.dtype is _FLOAT64 and value.shape == (len(labels),)
+        if is_one and len(labels) <= _FEW and math.isfinite(sum(value.tolist())):
+            return value
+    elif type(value) is list and len(value) == len(labels) <= _FEW:
+        is_one = _FLOATS.issuperset(map(type, value))
+        if is_one and math.isfinite(sum(value)):
+            return np.array(value)
     array = float_array(name, unlabelled(name, value, labels, float_array))
     if len(labels) == 1 and array.shape == ():
         array = array[np.newaxis]

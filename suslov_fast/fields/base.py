@@ -62,6 +62,9 @@ class Body(Members, metaclass=Answering):
     _read: ClassVar[Any] = None  # makes a body from its dictionary; None: the class does
     _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that are texts, not numbers
     _may_escape: ClassVar[Any] = False  # no body escapes: its energy is constant
+    # How many values the functions of the state have that belong to the equations, by name.
+    _quantities: ClassVar[Any] = {}
+    _clocks: ClassVar[Any] = ()  # numbers of components with the rate 1, of which one may be t
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -95,10 +95,7 @@ _constraints_of = lru_cache(64)(Constraints)
 
 def constraints_of(field: Any) -> Constraints | None:
     """Return the `Constraints` of a field; None for a field without constraints."""
-    equations = getattr(field, "_equations", None)
-    if equations is None or "residuals" not in equations.sizes:
-        return None
-    return _constraints_of(equations)
+    return _constraints_of(field._equations) if "residuals" in field._quantities else None
 
 
 def check_constraints(field: Any, x: FloatArray) -> None:

@@ -435,7 +435,7 @@ class Field(Traced):
         6.5
         """
         equations: Any = self._equations
-        if equations is not None and "energy" in equations.sizes:
+        if "energy" in self._quantities:
             return Mechanics(self).at("energy", self._layout.enter("x", x, t, "t"))[..., 0]
         if not self._is_hamiltonian:
             raise TypeError(
@@ -523,7 +523,7 @@ class Field(Traced):
         return field
 
     def _check_kept(self) -> None:
-        if self._equations is not None and "conserved" in self._equations.sizes:
+        if "conserved" in self._quantities:
             invariants.check(self)
 
     @property
@@ -584,13 +584,20 @@ class Field(Traced):
         return self._motion_lists(wrt=())
 
     @cached_property
+    def _clocks(self) -> tuple[int, ...]:
+        return tuple(self._right_hand_sides[0].f.clocks)
+
+    @cached_property
     def _tables_of_time(self) -> list[tuple[int, float, float]]:
         """The variable, and the first and last knot, of each table over a clock."""
-        if self._equations is None or not (clocks := {*self._right_hand_sides[0].f.clocks}):
+        clocks = self._clocks
+        if self._equations is None or not clocks:
             return []
         operations = self._equations.values.operations
         tables = [(args[0], kind.rows[0, 1:]) for kind, _, args in operations if is_table(kind)]
-        return [(k, knots[0], knots[-1]) for k, knots in tables if k in clocks and len(knots)]
+        found = [(k, knots[0], knots[-1]) for k, knots in tables if k in clocks and len(knots)]
+        self._common["_tables_of_time"] = found
+        return found
 
     # ------------------------------------------------------------------------------ degree 2
     @property

@@ -126,10 +126,9 @@ _changes_of = lru_cache(64)(Changes)
 
 def changes_of(field: Any) -> Changes | None:
     """Return the `Changes` of integrals that a field keeps without a proof; None if it has none."""
-    equations = getattr(field, "_equations", None)
-    if equations is None or "conserved" not in equations.sizes:
+    if "conserved" not in field._quantities:
         return None
-    changes = _changes_of(equations)
+    changes = _changes_of(field._equations)
     return changes if changes.which else None
 
 
@@ -142,7 +141,7 @@ def check(field: Any) -> None:
     count = max(4, min(_SAMPLES, _MOST // members))
     x = np.random.default_rng(3).normal(size=(count, *(1,) * len(shape), D))
     x *= 10.0 ** np.linspace(-1.0, 0.3, count).reshape(count, *(1,) * (len(shape) + 1))
-    if "residuals" in field._equations.sizes:
+    if "residuals" in field._quantities:
         x = Mechanics(field).near(np.broadcast_to(x, (count, *shape, D)))
     given = field._inputs
     is_wrong = changes.are_wrong(np.moveaxis(x, -1, 0), given.reshape(len(given), 1, *shape))

@@ -97,9 +97,11 @@ class Layout:
     def enter(self, name: str, value: Any, time: Any = None, called: str = "t0") -> FloatArray:
         """Return states of the engine (..., D) for states of users at a time, by default 0."""
         value, time = checks.start_of(value, time)
+        if time is None and self.is_plain:  # for speed in small calls
+            return checks.states(name, value, self.names)
         x = self.states(name, value)
         if time is None:
-            return x if self.is_plain else self._components(x)
+            return self._components(x)
         if own := self.time_variable:
             raise wrong(called, f"left out, because {own} is a variable in {name}", error=TypeError)
         t = np.asarray(checks.real_number(called, time))

@@ -166,8 +166,7 @@ class Mechanics(metaclass=Answering):
 
     def _check(self, name: str) -> None:
         """Raise TypeError unless the field has this quantity."""
-        equations = self._field._equations
-        if equations is None or name not in equations.sizes:
+        if name not in self._field._quantities:
             what = "no mechanics" if name == "momenta" else f"no {name}"
             raise TypeError(f"system: this field has {what}: {_MADE}")
 

@@ -30,8 +30,8 @@ from .tracer import Tracer, called_by_name, components
 # parameter can have any name that Python accepts.
 LAYOUT, EQUATIONS = "layout of variables", "equations of f"
 INDICES, VALUES = "indices of f", "values of f"  # parts of a field of terms
-# Attributes that are the same for all values of the parameters, if the parameters are numbers.
-_COMMON = {*"_layout _coordinates dimension names _equations shape _tables_of_time".split()}
+
+_FLOATS = {float}
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -44,6 +44,7 @@ class Traced(Body):
 
     names: tuple[str, ...]
     _equations: Equations | Any  # None if a field is stored as polynomial terms
+    _common: dict[str, Any]  # attributes that do not depend on the values of parameters
 
     @public
     def with_parameters(self, /, **parameters: Any) -> Self:
@@ -87,26 +88,27 @@ class Traced(Body):
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
         kept = {n: frozen(a) for n, a in parts.items() if n not in (LAYOUT, EQUATIONS)}
-        layout = parts[LAYOUT]
-        vars(self).update(
-            _parts=kept,
-            _coordinates=tuple(name for name in kept if name not in self._axes),
-            _layout=layout,
-            dimension=layout.n,
-            names=layout.names,
-            _equations=parts.get(EQUATIONS),
-        )
+        layout, equations = parts[LAYOUT], parts.get(EQUATIONS)
+        common = {
+            "_coordinates": tuple(name for name in kept if name not in self._axes),
+            "_layout": layout,
+            "dimension": layout.n,
+            "names": layout.names,
+            "_equations": equations,
+            "_quantities": equations.sizes if equations else {},
+        }
+        vars(self).update(common, _common=common, _parts=kept)
 
     @property
     def _shared(self) -> dict[str, Any]:
         return {LAYOUT: self._layout, EQUATIONS: self._equations}
 
     def _with_parts(self, parts: Mapping[str, Any]) -> Any:
-        if self.shape or not {float}.issuperset(map(type, parts.values())):
+        if self.shape or not _FLOATS.issuperset(map(type, parts.values())):
             return super()._with_parts(parts)
         other = object.__new__(type(self))  # this is faster than `_of`
-        same = {name: value for name, value in vars(self).items() if name in _COMMON}
-        vars(other).update(same, _parts=parts)
+        common = self._common
+        vars(other).update(common, _common=common, _parts=parts, shape=())
         return other
 
     @property

@@ -13,13 +13,20 @@ from ..bodies.systems import System
 from ..calls import Progress
 from ..checks import FloatArray, Reals, StatesLike
 from ..core.flow.batch_solver import Settings, SolverRequest
-from ..fields.field import Field, system_of
+from ..fields.field import system_of
 from ..keywords import public
-from ..results.result import times_of, zeros_of
-from . import motion_arguments
+from ..results.result import read_only, times_of, zeros_of
 from .event import Event, EventLike
 from .events import batch_of, checked_events, clocked
 from .motion import Motion
+from .motion_arguments import (
+    checked_derivatives,
+    checked_settings,
+    checked_starts,
+    request_of,
+    warn_of_event_times,
+    warn_of_times,
+)
 from .solution import solution
 
 
@@ -140,19 +147,16 @@ def flow(
     array([[ 0.873751, -1.093725]])
     """
     body: Any = system_of(system, x0)
-    names, acting = motion_arguments.checked_derivatives(body, derivatives), checked_events(events)
-    system = clocked(body, acting)
-    settings = motion_arguments.checked_settings(system, rtol, atol, max_step, stiff)
-    request = motion_arguments.request_of(time, settings, threads)
-    times, sign = request.times, request.sign
-    x, batch, t0 = motion_arguments.checked_starts(system, x0, batch_of(acting), t0)
-    if isinstance(body, Field):
-        motion_arguments.warn_of_times(system, x, times, t0)
-        if sign > 0 and body._tables_of_time:
-            motion_arguments.warn_of_tables(body, x, times.max(initial=0.0))
+    names, acting = checked_derivatives(body, derivatives), checked_events(events)
+    timed = clocked(body, acting)
+    settings = checked_settings(timed, rtol, atol, max_step, stiff)
+    request = request_of(time, settings, threads)
+    x, batch, t0 = checked_starts(timed, x0, batch_of(acting) if acting else (), t0)
+    if timed._clocks:
+        warn_of_times(timed, x, request, t0)
     if acting:
-        motion_arguments.warn_of_event_times(acting, sign, times)
-    return solved(system, x, batch, request, progress, names, acting, body, t0)
+        warn_of_event_times(acting, request)
+    return solved(timed, x, batch, request, progress, names, acting, body, t0)
 
 
 def solved(
@@ -170,43 +174,56 @@ def solved(
 
     `system` may have a hidden time that the `body` of the user lacks; `t0` is the time at x.
     """
-    times, settings, layout = request.times, request.settings, system._layout
     result, phases = solution(system, x, batch, request, progress, names, events)
-    if len(times) == 1:
-        last = times.reshape(())
+    layout, ends = system._layout, result.ends
+    if batch:
+        states = result.states.reshape(len(result.states), *batch, x.shape[1])
+        start = x.copy().reshape(*batch, x.shape[1])
     else:
-        last = np.array(request.sign * abs(times).max(initial=0.0))
-    status = again = zeros_of(batch)
-    end = np.full(batch, last) if batch else last
-    if result.ends is not None:
-        status, again = (a.reshape(batch) for a in (result.ends.status, result.ends.repeated))
-        end = np.where(status, result.ends.t.reshape(batch), last)
-    shape = len(times), *batch, result.states.shape[-1]
-    arrays = {
-        "states": layout.leave(result.states.reshape(shape)),
-        "time": times,
-        "status": status,
-        "end": end,
-        "_again": again,
-        "_start": x.copy().reshape(*batch, x.shape[1]) if batch else x[0].copy(),
-        "_t0": times_of(t0, batch),
+        states, start = result.states[:, 0], x[0].copy()
+    motion = {
+        **_of_request(request, batch),
+        "body": body,
+        "states": read_only(layout.leave(states)),
+        "_start": read_only(start),
+        "_by": names,
+        **phases,
     }
-    if names:
-        shape = len(times), *batch, *result.derivatives.shape[2:]
-        arrays["_derivatives"] = layout.leave_rows(result.derivatives.reshape(shape))
     for name, column in result.columns.items():
-        arrays[name] = column.reshape(batch)
-    motion = Motion._of(arrays)
-    vars(motion).update(_named(settings), body=body, _by=names)
-    if isinstance(settings.atol, tuple):
-        vars(motion)["atol"] = layout.leave_atol(settings.atol)
-    if phases:
-        vars(motion).update(phases)
+        motion[name] = read_only(column.reshape(batch))
+    if t0 is not None:
+        motion["_t0"] = times_of(t0, batch)
+    if ends is not None:
+        status, end, again = (a.reshape(batch) for a in (ends.status, ends.t, ends.repeated))
+        motion["status"], motion["_again"] = read_only(status), read_only(again)
+        motion["end"] = read_only(np.where(status, end, motion["end"]))
+    if type(request.settings.atol) is tuple:
+        motion["atol"] = layout.leave_atol(request.settings.atol)
+    if names:
+        derivatives = result.derivatives
+        derivatives = derivatives.reshape(len(derivatives), *batch, *derivatives.shape[2:])
+        motion["_derivatives"] = read_only(layout.leave_rows(derivatives))
     if events:
-        vars(motion)["_records"] = result.records, events, request.most, layout
-    else:
-        vars(motion)["events"] = None
-    return motion
+        del motion["events"]  # `Motion` makes it from the records when it is read
+        motion["_records"] = result.records, events, request.most, layout
+    return Motion._with(motion)
 
 
-_named = lru_cache(64)(Settings._asdict)
+def _of_request(request: SolverRequest, batch: tuple[int, ...]) -> dict[str, Any]:
+    """Return the attributes of motions that reach the last time, but for those of solutions."""
+    times = request.times
+    if len(times) == 1 and not batch:
+        return _at_one_time(times.item(), request.settings)
+    last = request.sign * abs(times).max(initial=0.0)
+    return _at_times(times, read_only(np.full(batch, last)), request.settings)
+
+
+@lru_cache(64)
+def _at_one_time(time: float, settings: Settings) -> dict[str, Any]:
+    return _at_times(read_only(np.array([time])), read_only(np.array(time)), settings)
+
+
+def _at_times(times: FloatArray, end: FloatArray, settings: Settings) -> dict[str, Any]:
+    zeros = zeros_of(end.shape)
+    without = {"status": zeros, "_again": zeros, "_t0": times_of(None, end.shape), "events": None}
+    return {"time": times, "end": end, **without, **settings._asdict()}

@@ -231,20 +231,24 @@ def to_tolerance(
     `groups` are the right-hand sides of the members of a field of this shape. If `request.report`
     returns False, states that are not yet computed stay NaN.
     """
-    if not len(x):
-        return empty_result(x, len(request.times))
-    has_events, places = request.event_times is not None, None
+    count, places = len(request.times), None
+    if not (count and len(x)):
+        return empty_result(x, count).without_steps(np.isnan(x[:, 0]))
     if request.sign < 0:
         request = request._replace(times=abs(request.times))
-    if len(request.times) > 1 and np.count_nonzero(request.times[1:] <= request.times[:-1]):
+    if count > 1 and np.count_nonzero(request.times[1:] <= request.times[:-1]):
         times, places = np.unique(request.times, return_inverse=True)
         request = request._replace(times=times)
-    times = request.times
-    if len(times) and (times[-1] > 0.0 or has_events):  # events at time 0 act, too
-        result = _of_groups(right_hand_sides(groups, shape, batch), x, request)
+    first, last = request.times.item(0), request.times.item(-1)
+    has_events = request.event_times is not None
+    if last > 0.0 or has_events:  # events at time 0 act, too
+        parts = right_hand_sides(groups, shape, batch)
+        where, f, table = parts[0]
+        is_one = where is ALL
+        result = _of_group(f, table, x, request) if is_one else _of_groups(parts, x, request)
     else:
-        result = empty_result(x, len(times)).without_steps(np.isnan(x[:, 0]))
-    if len(times) and times[0] == 0.0:
+        result = empty_result(x, 1).without_steps(np.isnan(x[:, 0]))
+    if first == 0.0:
         # With events the engine saves the states at time 0, except where f has no value at x0.
         kept = result.all_ends.status == Status.NONFINITE if has_events else slice(None)
         result.states[0, kept] = x[kept]
@@ -260,7 +264,8 @@ def _of_group(
     if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
         states, columns, rows, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
-            return SolverResult(states, columns, records=_rows_of(rows, starts, request))
+            records = None if request.event_times is None else _rows_of(rows, starts, request)
+            return SolverResult(states, columns, None, records)
     else:
         states = np.full((len(request.times), *starts.shape), np.nan)
     engine = BatchSolver(f, table, starts, request, states)
@@ -337,9 +342,6 @@ def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> S
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
-    where, f, table = groups[0]
-    if where is ALL:
-        return _of_group(f, table, starts, request)
     result, report, done = empty_result(starts, len(request.times)), request.report, 0
     for where, f, table in groups:
         of_part = None if report is None else lambda now, before=done: report(before + now)

@@ -14,7 +14,7 @@ from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.tolerances import LEAST_RTOL, MOST_TRIES
 from ..fields.constraints import check_constraints, constraints_of
-from ..fields.layout import Layout, parts_of_name
+from ..fields.layout import parts_of_name
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
@@ -28,7 +28,6 @@ RTOL = float("1e-9")
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
 _FEW = 64  # the most times of which Python finds the largest faster than NumPy
-_RTOL_ALONE = [*map(type, Settings(RTOL))]  # types of `Settings` if only rtol, a float, is given
 # By status, the verb of a sentence about solutions that stop before the last time.
 CAUSES = {
     Status.ENDED: (
@@ -75,7 +74,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
     """Return the times (n,), and 1 if they are forward or -1 if they are backward."""
     time = checks.real_number("time", value)
     if isinstance(time, float):
-        return np.array([time]), -1 if time < 0.0 else 1
+        return read_only(np.array([time])), -1 if time < 0.0 else 1
     if time.ndim > 1:
         raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
     numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
@@ -83,37 +82,40 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
     if low < 0.0 < high:
         how = "flow(system, x0, time=T)(t) takes times t on both sides of 0"
         raise wrong("time", "all 0 or later, or all 0 or earlier", f"{low:g} and {high:g}: {how}")
-    return np.array(time), -1 if low < 0.0 else 1  # a copy, which the motion keeps
+    # A copy, which the motion keeps.
+    return read_only(np.array(time)), -1 if low < 0.0 else 1
 
 
-def checked_settings(system: Any, *given: Any) -> Settings:
-    """Return `Settings` from the values of their fields, after checks; TypeError for a `Map`."""
+def checked_settings(
+    system: Any, rtol: Any, atol: Any = None, max_step: Any = None, stiff: Any = None
+) -> Settings:
+    """Return the checked `Settings` of motions of a system; TypeError for a `Map`."""
     _ = system._has_eps or system._field  # `_field` raises for a `Map`
-    if [*map(type, given)] == _RTOL_ALONE:
-        return _settings(given, None)  # cached, for speed; the layout matters only for atol
-    return _settings.__wrapped__(given, system._layout)
-
-
-@functools.lru_cache(64)
-def _settings(values: tuple[Any, ...], layout: Layout | None) -> Settings:
-    settings = Settings(*values)
-    rtol, atol, stiff = checks.real_number("rtol", settings.rtol), settings.atol, settings.stiff
-    if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
-        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(settings.rtol))
+    settings = _of_rtol(rtol) if type(rtol) is float else _of_rtol.__wrapped__(rtol)
+    if atol is max_step is stiff is None:  # for speed in small calls
+        return settings
     if atol is not None:
-        atol = checks.real_number("atol", atol)
-        if not isinstance(atol, float) and (layout is None or atol.shape != (layout.n,)):
-            n = layout and layout.n
+        atol, layout = checks.real_number("atol", atol), system._layout
+        if not isinstance(atol, float) and atol.shape != (layout.n,):
+            n = layout.n
             raise wrong("atol", f"a number, or {n}, one for each component", f"{atol.shape}")
         if np.min(atol) < 0.0:
             raise wrong("atol", "0 or more", short(float(np.min(atol))))
-        if layout is not None and not isinstance(atol, float):
+        if not isinstance(atol, float):
             atol = layout.atol(tuple(atol.tolist()))
-    if settings.max_step is not None:
-        settings = settings._replace(max_step=checks.positive("max_step", settings.max_step))
+    if max_step is not None:
+        max_step = checks.positive("max_step", max_step)
     if stiff is not None and not isinstance(stiff, (bool, np.bool_)):
         raise wrong("stiff", "True, False or None", short(stiff), TypeError)
-    return settings._replace(rtol=rtol, atol=atol, stiff=None if stiff is None else bool(stiff))
+    return Settings(settings.rtol, atol, max_step, None if stiff is None else bool(stiff))
+
+
+@functools.lru_cache(64)
+def _of_rtol(given: Any) -> Settings:
+    rtol = checks.real_number("rtol", given)
+    if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
+        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(given))
+    return Settings(rtol)
 
 
 def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
@@ -147,7 +149,7 @@ def request_of(time: Any, settings: Settings, threads: int | None) -> SolverRequ
 @functools.lru_cache(64)
 def _at_one_time(time: float, settings: Settings) -> SolverRequest:
     times, sign = checked_times(time)
-    return SolverRequest(read_only(times), sign, settings)
+    return SolverRequest(times, sign, settings)
 
 
 def checked_starts(
@@ -159,19 +161,26 @@ def checked_starts(
     """
     x0, t0 = checks.start_of(x0, t0)
     x = system._layout.enter("x0", x0, t0)
-    check_constraints(system, x)
+    if system._quantities:
+        check_constraints(system, x)
     if x.ndim == 1 and x.flags.carray and not (system.shape or others):  # for speed in small calls
         return x[np.newaxis], (), t0
     batch = common_shape({"system": system.shape, "x0": x.shape[:-1], "times of events": others})
     return flat_arrays(x, batch), batch, t0
 
 
-def warn_of_times(field: Any, x: FloatArray, times: FloatArray, t0: Any = None) -> None:
-    """Warn if the first time may be the time at x0, because times count from x0."""
-    if len(times) < 2 or times[0] == 0.0 or not len(x):
-        return
-    first = float(times[0])
-    for clock in field._right_hand_sides[0][1].clocks:
+def warn_of_times(field: Any, x: FloatArray, request: SolverRequest, t0: Any = None) -> None:
+    """Warn if times may count from t = 0, not from x0, or miss a table of values over time."""
+    times = request.times
+    if len(times) > 1 and times[0] != 0.0 and len(x):
+        _warn_of_first_time(field, x, float(times[0]), t0)
+    if request.sign > 0 and field._tables_of_time:
+        _warn_of_tables(field, x, times.max(initial=0.0))
+
+
+def _warn_of_first_time(field: Any, x: FloatArray, first: float, t0: Any) -> None:
+    """Warn if the first time may be the time at x0."""
+    for clock in field._clocks:
         name = field._layout.components[clock]
         if t0 is None and clock == field._layout.clock:
             checks.warn(
@@ -185,7 +194,7 @@ def warn_of_times(field: Any, x: FloatArray, times: FloatArray, t0: Any = None) 
             )
 
 
-def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
+def _warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
     """Warn if times from x0 to `last` are all before or after a table of values over time."""
     for clock, first, end in field._tables_of_time:
         t, name = x[:, clock], field._layout.components[clock]
@@ -198,8 +207,9 @@ def warn_of_tables(field: Any, x: FloatArray, last: float) -> None:
             )
 
 
-def warn_of_event_times(events: tuple[Event, ...], sign: int, asked: FloatArray) -> None:
-    """Warn of events at given times, all of which are outside the times `asked` of a motion."""
+def warn_of_event_times(events: tuple[Event, ...], request: SolverRequest) -> None:
+    """Warn of events at given times, all of which are outside the times asked of a motion."""
+    sign, asked = request.sign, request.times
     for k, event in enumerate(events):
         if event.times is None or not len(asked):
             continue

@@ -417,7 +417,7 @@ def _integrals(system: Any) -> int | None:
 
 def _keeps_energy(field: Field) -> bool:
     """Return True if the equations conserve the energy of a mechanical system."""
-    if field._equations is None or "energy" not in field._equations.sizes:
+    if "energy" not in field._quantities:
         return False
     try:
         field.conserving()

@@ -36,65 +36,79 @@ def solution(
     events: tuple[Event, ...],
 ) -> tuple[SolverResult, dict[str, Any]]:
     """Return the motion from x (B, D), and its phases; warn if it ends."""
-    times, settings = request.times, request.settings
-    actions: tuple[EventAction, ...] = ()
-    event_times, at_rest = None, (None, None)
-    if events:
-        actions = actions_of(system._field, events)
-        event_times = event_times_of(events, request.sign, batch)
-        if request.sign > 0:
-            at_rest = starts_at_rest(system._field, events, x.reshape(*batch, x.shape[1]))
-    total = len(times) * math.prod(batch)
-    with reporter(progress, total) as report:
-        if report is not None or events:
-            # A new request takes less time than `_replace`.
-            others = request.threads, report, event_times, request.most, request.since
-            request = SolverRequest(times, request.sign, settings, *others)
-        if names:
-            result = with_derivatives(system._field, x, batch, names, request, actions)
-        elif events:
-            groups = with_events(system._field, actions)
-            result = to_tolerance(groups, system._field.shape, x, batch, request)
-        else:
-            result = motion_of(system, x, batch, request)
-        phases: dict[str, Any] = {}
-        is_clear = result.ends is None and at_rest[0] is None  # as in most calls
-        if not is_clear and len(where := are_stuck(result, at_rest[0])):
-            part = Sliding(system._field, x, batch, where, request, events)
-            result, phases = part.continued(result, names, at_rest)
-        if (changes := changes_of(system)) is not None:
-            since = system._layout.times(x)
-            warn_of_changes(changes, system, x, batch, result.states, times, since)
-        if report is not None and total and not result.is_stopped:
-            # The engine may report less: it counts equal times once, and no states after an end.
-            report(total)
+    if progress is None:
+        result, phases = _computed(system, x, batch, request, names, events)
+    else:
+        total = len(request.times) * math.prod(batch)
+        with reporter(progress, total) as report:
+            request = request._replace(report=report)
+            result, phases = _computed(system, x, batch, request, names, events)
+            if report is not None and total and not result.is_stopped:
+                # The engine may report less: it counts equal times once, no states after an end.
+                report(total)
+    if system._quantities and (changes := changes_of(system)):
+        since = system._layout.times(x)
+        warn_of_changes(changes, system, x, batch, result.states, request.times, since)
     if result.ends is not None:
         causes = motion_arguments.causes_of(system)
-        motion_arguments.warn_of_ends(result, x, batch, settings.atol, causes)
+        motion_arguments.warn_of_ends(result, x, batch, request.settings.atol, causes)
         motion_arguments.warn_of_lost_components(system, result, batch)
     return result, phases
 
 
-def motion_of(
-    system: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
+def _computed(
+    system: Any,
+    x: FloatArray,
+    batch: tuple[int, ...],
+    request: SolverRequest,
+    names: tuple[str, ...],
+    events: tuple[Event, ...],
+) -> tuple[SolverResult, dict[str, Any]]:
+    """Return the motion from x (B, D), and its phases, as attributes of a `Motion`."""
+    actions: tuple[EventAction, ...] = ()
+    resting, at_rest = None, None
+    if events:
+        actions = actions_of(system._field, events)
+        request = request._replace(event_times=event_times_of(events, request.sign, batch))
+        if request.sign > 0:
+            resting, at_rest = starts_at_rest(system._field, events, x.reshape(*batch, x.shape[1]))
+    if names:
+        result = with_derivatives(system._field, x, batch, names, request, actions)
+    elif events:
+        groups = with_events(system._field, actions)
+        result = to_tolerance(groups, system._field.shape, x, batch, request)
+    elif isinstance(system, Field):
+        result = to_tolerance(system._right_hand_sides, system.shape, x, batch, request)
+    else:
+        result = _of_body(system, x, batch, request)
+    if result.ends is None and resting is None:  # as in most calls
+        return result, {}
+    where = are_stuck(result, resting)
+    if not len(where):
+        return result, {}
+    sliding = Sliding(system._field, x, batch, where, request, events)
+    return sliding.continued(result, names, (resting, at_rest))
+
+
+def _of_body(
+    body: Any, x: FloatArray, batch: tuple[int, ...], request: SolverRequest
 ) -> SolverResult:
-    """Return the motion from states x (B, D): exact, to a tolerance, or member by member."""
-    if isinstance(system, Field):
-        return to_tolerance(system._right_hand_sides, system.shape, x, batch, request)
-    is_exact = system._is_solved  # a truth value, or an array for members
+    """Return the motion of a body from states x (B, D): exact, to a tolerance, or both."""
+    is_exact = body._is_solved  # a truth value, or an array for members
     if np.all(is_exact):
-        return _exact(system, x, batch, request)
+        return _exact(body, x, batch, request)
     if not np.any(is_exact):
-        return motion_of(system._field, x, batch, request)
+        field = body._field
+        return to_tolerance(field._right_hand_sides, field.shape, x, batch, request)
     is_exact = np.broadcast_to(is_exact, batch).ravel()
     result = empty_result(x, len(request.times))
     for exact in (True, False):
         where = np.flatnonzero(is_exact == exact)
         parts = {
-            name: flat_arrays(a, batch, system._axes.get(name, 0))[where]
-            for name, a in system._arrays.items()
+            name: flat_arrays(a, batch, body._axes.get(name, 0))[where]
+            for name, a in body._arrays.items()
         }
-        part = motion_of(system._with_parts(parts), x[where], (len(where),), request)
+        part = _of_body(body._with_parts(parts), x[where], (len(where),), request)
         result = result.with_part(where, part)
     return result
 

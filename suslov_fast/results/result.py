@@ -55,7 +55,12 @@ class Result:
         """Return a result with these attributes, and make its arrays read-only."""
         for value in attributes.values():
             if type(value) is np.ndarray:
-                value.setflags(False)  # type: ignore[call-arg]  # faster than by keyword
+                read_only(value)
+        return cls._with(attributes)
+
+    @classmethod
+    def _with(cls, attributes: dict[str, Any]) -> Self:
+        """Return a result with these attributes, in which all arrays are read-only."""
         result = object.__new__(cls)  # faster than a call of the class
         object.__setattr__(result, "__dict__", attributes)
         return result
@@ -462,7 +467,7 @@ def times_of(t0: Any, batch: tuple[int, ...]) -> FloatArray:
 
 def read_only(array: NDArray[T]) -> NDArray[T]:
     """Make an array read-only, and return it."""
-    array.flags.writeable = False
+    array.setflags(False)  # type: ignore[call-arg]  # faster than by keyword
     return array
 
 

@@ -114,11 +114,11 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     integrators = [batch_solver.integrator_of(f, *each) for each in both]
     codes = [batch_solver.code_of(each, 1, f.hybrid.chooses) for each in integrators]
     of_again = codes[-len(modes) :]
-    of_table, of_this = (0, 0) if f.is_dense else code_of_program(f.of_x, TABLE)
-    of_start, of_test = (0, 0)
+    of_table = of_this = of_start = of_test = 0
+    if not f.is_dense:
+        of_table, _, of_this = code_of_program(f.of_x, TABLE)
     if f.of_x.constraints_count:
-        of_start, of_test = code_of_program(f.of_x, "start")
-        of_test += f.of_x.D + len(f.of_x.table) + len(f.of_x.start.results)
+        of_start, _, of_test = code_of_program(f.of_x, "start")
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
     rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(f, settings, 1))
     row = np.zeros(rows.size)

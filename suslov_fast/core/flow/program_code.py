@@ -26,7 +26,7 @@ def _program(f, name):
 
 @functools.lru_cache(256)
 def code_of_program(f, name):
-    """Return the code of a program of f, and how many temporary numbers the code needs.
+    """Return the code of a program of f, the place of the results in its memory, and its size.
 
     `name` is "f", "derivative", "start", or TABLE for f's table. The code reads the state (D,) and
     the table (n,), or for TABLE the parameters (P,). The results, and temporary numbers, follow in
@@ -53,18 +53,16 @@ def code_of_program(f, name):
 
     code = compiled((name, f.key), text_of, 1)
     vars(code).setdefault("function", function)  # keeps the matrices that the code reads
-    return code, function.scratch
+    return code, slice(given, given + results), given + results + function.scratch
 
 
 def by_code(f, name, *given):
     """Return the results (R,) of a program of f, see `code_of_program`: a new array."""
-    code, scratch = code_of_program(f, name)
-    results = len(f.table if name == TABLE else _program(f, name).results)
-    first = sum(map(len, given))
-    memory = np.empty(first + results + scratch)
-    begin = 0
+    code, results, size = code_of_program(f, name)
+    memory, begin = np.empty(size), 0
     for each in given:
-        memory[begin : begin + len(each)] = each
-        begin += len(each)
+        end = begin + len(each)
+        memory[begin:end] = each
+        begin = end
     code.call(address_of(memory))
-    return memory[first : first + results]
+    return memory[results]

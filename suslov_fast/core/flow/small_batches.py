@@ -10,12 +10,11 @@ from array import array
 
 import numpy as np
 
+from ..llvm.compiler import address_of
 from . import batch_solver
-from .code_arguments import NUMBER, SLOT
+from .code_arguments import NUMBER
 from .memory import BEGINS, LaneState
-from .tolerances import TIMES_IN_MEMORY
-
-_NAN = array("d", [math.nan])
+from .tolerances import STATES_IN_MEMORY
 
 
 class _PreparedRunner(batch_solver.StepRunner):
@@ -26,17 +25,18 @@ class _PreparedRunner(batch_solver.StepRunner):
     def __init__(self, f, settings, sign, B, for_each):
         integrator = batch_solver.integrator_of(f, int(bool(settings.stiff)), settings)
         self.begins_with, places, count = integrator, integrator.rows, B * integrator.rows.size
-        shape = (B, len(f.table)) if for_each else (len(f.table),)
+        self.acts, shape = f.hybrid.acts, (B, len(f.table)) if for_each else (len(f.table),)
         both = np.zeros(count + math.prod(shape))
         rows, table = both[:count].reshape(B, -1), both[count:].reshape(shape)
         rows[:, places.state] = BEGINS
         rows[:, places.trajectory].view(np.int64)[:] = np.arange(B)
         self.x, self.most_lost = rows[:, : f.D], rows[:, places.most_lost]
+        self.x_bytes = rows[0, : f.D].data.cast("B") if B == 1 else None
         self.state = rows[:, places.state]
-        self.columns = {
-            name: (rows[:, getattr(places, row)], kind)
+        self.columns = [
+            (name, rows[:, getattr(places, row)], kind)
             for name, (row, kind) in batch_solver.COLUMNS.items()
-        }
+        ]
         first = both.copy()  # the content with which each call begins
         self.first_table = first[count:].reshape(shape)
         self.now, self.first = both.data, first.data  # Python copies `data` faster than NumPy does
@@ -55,10 +55,15 @@ class _PreparedRunner(batch_solver.StepRunner):
             self.moduli, self.times = moduli, array("d", moduli)
             self.times.extend(batch_solver.NO_TIMES)
             batch_solver.set_times(self.numbers, self.integrator, request.settings, self.times)
-            self.point_to(self.times.buffer_info()[0], 0, 8 * self.x.size)
+            self.states = np.empty((len(request.times), *self.x.shape))
+            self.point_to(self.times.buffer_info()[0], address_of(self.states), 8 * self.x.size)
         self.now[:] = self.first
-        self.x[:] = x0
-        if not self.integrator.f.hybrid.acts:
+        self.states.fill(math.nan)
+        if self.x_bytes is None:
+            self.x[:] = x0
+        else:  # for one state this is faster
+            self.x_bytes[:] = x0.tobytes()
+        if not self.acts:
             return
         if (given := request.event_times or batch_solver.NO_EVENT_TIMES) is not self.event_times:
             self.event_times, first = given, self.integrator.rows.stop
@@ -83,7 +88,7 @@ def solve_small_batch(f, table, x0, request):
     of several does, or if a trajectory ends early or has an alarm (`growing_components`), return
     (states, None, None, begun), where `begun` is what `BatchSolver.run` needs to go on.
     """
-    B, starts, count = len(x0), None, len(request.times)
+    B, starts = len(x0), None
     if f.hybrid.offsets:
         table, x0, starts = batch_solver.counted_from_start(f, table, x0)
     key = f, request.settings, request.sign, B, f.hybrid.chooses or table.ndim > 1
@@ -93,8 +98,6 @@ def solve_small_batch(f, table, x0, request):
     except IndexError:
         runner = _PreparedRunner(*key)
     runner.begin(x0, table, request)
-    states, records = _NAN * (count * B * f.D), runner.records
-    runner.arguments[SLOT.states] = states.buffer_info()[0]
     while True:
         while not runner.take():
             pass
@@ -102,16 +105,18 @@ def solve_small_batch(f, table, x0, request):
         if B > 1 or ends[0] >= LaneState.DONE:
             break
         runner.use(batch_solver.integrator_of(f, int(ends[0]), request.settings))  # it turns
-    states = np.ndarray((count, B, f.D), np.float64, states)
+    states, records = runner.states.copy(), runner.records
     if ends.count(LaneState.DONE) < B or math.inf in runner.most_lost.tolist():
         own = runner.table.copy() if f.hybrid.chooses else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:
-        columns = {name: row.astype(kind) for name, (row, kind) in runner.columns.items()}
+        columns = {}
+        for name, row, kind in runner.columns:  # faster than a comprehension
+            columns[name] = row.astype(kind)
         found = states, columns, records, None
         if starts is not None:
             batch_solver.add_starts(f, starts, states, records)
-    if count > TIMES_IN_MEMORY:
-        runner.moduli = runner.times = None
+    if states.size > STATES_IN_MEMORY:
+        runner.moduli = runner.times = runner.states = None
     free.append(runner)
     return found

@@ -125,7 +125,7 @@ SHORTENS = 0.05
 STEP_OF_ROUNDING = 2.0**-40
 
 # ------------------------------------------------------------------------------- small_batches
-TIMES_IN_MEMORY = 1024  # the most requested times for which memory is kept
+STATES_IN_MEMORY = 4096  # the most numbers in requested states for which memory is kept
 
 # --------------------------------------------------------------------------------- step_length
 # Factors from a length to the next: SAFETY ratio**(-1 / power), at least LEAST_FACTOR, at most

@@ -27,7 +27,7 @@ If all components are RELATIVE, only those below 2**-990 lose digits. Then the a
 
 import functools
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,26 @@ class Try(NamedTuple):
 # other alarm by the next try. If a solution then ends sooner than before, the result of `flow` and
 # of loops is a last computation, in which no component is RELATIVE and no alarm ends it.
 TRIES = Try(False, True), Try(False, True), Try(True, False)
+
+
+class Component(NamedTuple):
+    """A component of a step from x to the state `new`."""
+
+    x: Any
+    new: Any
+    f_new: Any
+    error: Any
+    inverse: Any  # 1 / allowed error
+    lost: Any  # relative error that it carries, or the mark RELATIVE
+    keeps: Any  # 1 if it keeps its sign, else 0
+
+
+class Alerts(NamedTuple):
+    """Maxima over components."""
+
+    most_lost: Any
+    near: Any
+    doubts: Any
 
 
 def many_of(rtol):
@@ -116,9 +136,8 @@ def _some(code, i):
 
 
 def _lost(
-    x, new, f_new, signed, error, inverse, rtol, some, many, acts, keeps, damps, lost, reads,
-    most_lost, near, doubts, *, loses,
-):  # fmt: skip
+    component: Component, signed, rtol, some, many, acts, damps, reads, alerts: Alerts, *, loses
+):
     """Return the new `lost` of a component, max `lost`, and `near`, 1 if there may be an alarm.
 
     `doubts` becomes 1 if surfaces of events read the component (`reads`), and its errors are many.
@@ -128,29 +147,37 @@ def _lost(
     of 1 means that no digit is right. It replaces every `lost` above a bound: the larger of
     WITHOUT_DIGITS and 100 rtol, or 1 for components that may change their sign.
     """
-    both, size = abs(x) + abs(new), abs(new) * inverse
-    is_small = both * inverse * rtol < SMALL_COMPONENT
-    rate = _rate(new, f_new, signed)
-    part = 1.0 / (keeps > 0.0).select(abs(new), LOOSE_SIGN * both)  # a division takes long
+    both, size = abs(component.x) + abs(component.new), abs(component.new) * component.inverse
+    is_small = both * component.inverse * rtol < SMALL_COMPONENT
+    rate = _rate(component.new, component.f_new, signed)
+    part = 1.0 / (component.keeps > 0.0).select(
+        abs(component.new), LOOSE_SIGN * both
+    )  # a division takes long
     base, power = loses
-    growth = larger(keeps * (rate * part), 0.0) * (1.0 / base)
+    growth = larger(component.keeps * (rate * part), 0.0) * (1.0 / base)
     root = growth * growth * (growth * growth)  # then growth**(power / 2)
     for _ in range(power // 2 - 4):
         root = root * growth
-    own = larger(lost, 0.0) + abs(error) * part + root * root
-    own = (own > (keeps > 0.0).select(larger(WITHOUT_DIGITS, 100.0 * rtol), 1.0)).select(1.0, own)
-    counts = is_small & ((acts > 0.0) | (abs(new) < UNDERFLOW))
-    lost = (counts & _loses(x, new, error, some, lost)).select(own, lost)
+    own = larger(component.lost, 0.0) + abs(component.error) * part + root * root
+    own = (own > (component.keeps > 0.0).select(larger(WITHOUT_DIGITS, 100.0 * rtol), 1.0)).select(
+        1.0, own
+    )
+    counts = is_small & ((acts > 0.0) | (abs(component.new) < UNDERFLOW))
+    lost = (
+        counts & _loses(component.x, component.new, component.error, some, component.lost)
+    ).select(own, component.lost)
     is_many = lost * size > LOOKED_AT * many
     lost = ((lost > 0.0) & ~(is_small | is_many)).select(0.0, lost)
-    is_fast = (size < 1.0) & (rate > GROWTH_OF_EXPLICIT * abs(new))
+    is_fast = (size < 1.0) & (rate > GROWTH_OF_EXPLICIT * abs(component.new))
     grows = is_fast | is_many | ((size > 1.0) & (lost > WITHOUT_DIGITS))
-    grows = grows & (abs(new) >= abs(x)) & (lost > LOOKED_AT * many * rtol)
-    is_near = grows | ((damps > 0.0) & _begins_to_grow(x, new, f_new, signed, lost))
+    grows = grows & (abs(component.new) >= abs(component.x)) & (lost > LOOKED_AT * many * rtol)
+    is_near = grows | (
+        (damps > 0.0) & _begins_to_grow(component.x, component.new, component.f_new, signed, lost)
+    )
     return {
-        "most_lost": larger(lost, most_lost),
-        "near": is_near.select(1.0, near),
-        "doubts": ((reads > 0.0) & (lost > many * rtol)).select(1.0, doubts),
+        "most_lost": larger(lost, alerts.most_lost),
+        "near": is_near.select(1.0, alerts.near),
+        "doubts": ((reads > 0.0) & (lost > many * rtol)).select(1.0, alerts.doubts),
         "lost": lost,
     }
 
@@ -176,7 +203,7 @@ def FED(new, f_new, fed, signed, lost, changes, left):
 
 
 @scalar_kernel
-def ALARMS(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, most_lost, grows, below):
+def ALARMS(component: Component, fed, signed, rtol, many, most_lost, grows, below):
     """Return `lost` and its maximum `most_lost`; for an alarm these are RELATIVE and infinity.
 
     `grows` and `below` are about components that are smaller than their allowed errors: `grows`
@@ -184,16 +211,25 @@ def ALARMS(x, new, f_new, fed, signed, inverse, rtol, many, keeps, lost, most_lo
     exp(GROWTH_OF_EXPLICIT) in this step, and `below` is the largest `lost` of such components.
     `fed` is as in `FED`.
     """
-    size, signed = abs(new) * inverse, (new < 0.0).select(-signed, signed)
-    is_deep = (size > 1.0) & (lost > larger(WITHOUT_DIGITS, 100.0 * rtol))
-    is_deep = is_deep & (keeps * signed * f_new > 0.0)  # steps of a decay may rise by chance
-    is_grown = (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
-    is_fast = (lost > 0.0) & (size < 1.0) & (signed * (f_new - fed) > GROWTH_OF_EXPLICIT * abs(new))
+    size, signed = (
+        abs(component.new) * component.inverse,
+        (component.new < 0.0).select(-signed, signed),
+    )
+    is_deep = (size > 1.0) & (component.lost > larger(WITHOUT_DIGITS, 100.0 * rtol))
+    is_deep = is_deep & (
+        component.keeps * signed * component.f_new > 0.0
+    )  # steps of a decay may rise by chance
+    is_grown = (abs(component.new) >= abs(component.x)) & ((component.lost * size > many) | is_deep)
+    is_fast = (
+        (component.lost > 0.0)
+        & (size < 1.0)
+        & (signed * (component.f_new - fed) > GROWTH_OF_EXPLICIT * abs(component.new))
+    )
     return {
-        "lost": is_grown.select(RELATIVE, lost),
-        "most_lost": is_grown.select(inf, larger(lost, most_lost)),
+        "lost": is_grown.select(RELATIVE, component.lost),
+        "most_lost": is_grown.select(inf, larger(component.lost, most_lost)),
         "grows": is_fast.select(1.0, grows),
-        "below": (size < 1.0).select(larger(lost, below), below),
+        "below": (size < 1.0).select(larger(component.lost, below), below),
     }
 
 

@@ -16,6 +16,7 @@ trial, too.
 """
 
 from math import inf
+from typing import Any, NamedTuple
 
 from ..expressions.values import larger, smaller
 from ..llvm.text import Carried, Shared
@@ -44,6 +45,22 @@ ALONG = 0.0, 1.0, 0.2, 0.4, 0.6, 0.8
 ENDS = tuple(float(u in (0.0, 1.0)) for u in ALONG)
 
 
+class Changes(NamedTuple):
+    """Changes of f at points of the step: the smaller one of both ends, and the two largest."""
+
+    least: Any
+    largest: Any
+    second: Any
+
+
+class Maxima(NamedTuple):
+    """Maxima over components, relative to allowed errors of the trial."""
+
+    ratio: Any
+    of_apart: Any
+    of_length: Any
+
+
 @scalar_kernel
 def BESIDE(t, state, x, new, f_x, counts, seeds, multiple, is_end, move):
     """Return a component beside a `state` of the step, displaced by about its rounding.
@@ -61,24 +78,21 @@ def BESIDE(t, state, x, new, f_x, counts, seeds, multiple, is_end, move):
 
 
 @scalar_kernel
-def BESIDE_POINTS(most, least, largest, second, is_end):
+def BESIDE_POINTS(most, changes: Changes, is_end):
     """Update three changes of f with `most`, the largest change of f at one more point of the step.
 
     A change is |f(x') - f(x)| for a state x' `BESIDE` the point x. `least` is the smaller change of
     the two ends of the step; `largest` and `second` are the two largest changes of all points.
     """
     return {
-        "least": (is_end > 0.0).select(smaller(most, least), least),
-        "largest": larger(most, largest),
-        "second": larger(smaller(most, largest), second),
+        "least": (is_end > 0.0).select(smaller(most, changes.least), changes.least),
+        "largest": larger(most, changes.largest),
+        "second": larger(smaller(most, changes.largest), changes.second),
     }
 
 
 @scalar_kernel
-def SECOND(
-    t, taken, error, apart, inverse, least, largest, second, top, grows,
-    ratio, of_apart, of_length,
-):  # fmt: skip
+def SECOND(t, taken, error, apart, inverse, changes: Changes, top, grows, so_far: Maxima):
     """Return `error` and `apart` of a component relative to its allowed error in the trial.
 
     `ratio` and `of_apart` are maxima over components; `inverse` is 1 / allowed error. The allowed
@@ -90,15 +104,17 @@ def SECOND(
     allowed error that the trial has raised, because these do not shrink with the step.
     """
     is_short = taken <= STEP_OF_ROUNDING * t
-    at_ends = grows * (taken * is_short.select(largest, least))
-    of_rounding = larger(smaller(NOISE_OF_TRIAL * (taken * second), NOISE_OF_STEP * top), at_ends)
+    at_ends = grows * (taken * is_short.select(changes.largest, changes.least))
+    of_rounding = larger(
+        smaller(NOISE_OF_TRIAL * (taken * changes.second), NOISE_OF_STEP * top), at_ends
+    )
     own = (of_rounding < inf).select(smaller(1.0 / of_rounding, inverse), inverse)
     found = abs(error) * own
     counts = ((own < inverse) & (found <= 1.0)).select(0.0, found)
     return {
-        "ratio": larger(found, ratio),
-        "of_length": larger(counts, of_length),
-        "of_apart": larger(is_short.select(0.0, abs(apart) * own), of_apart),
+        "ratio": larger(found, so_far.ratio),
+        "of_length": larger(counts, so_far.of_length),
+        "of_apart": larger(is_short.select(0.0, abs(apart) * own), so_far.of_apart),
         "inverse": own,
     }
 

@@ -25,6 +25,7 @@ steps with h |mu| < 2 limit.
 
 import functools
 from math import inf, sqrt
+from typing import Any, NamedTuple
 
 from ..expressions.elementary import from_bits
 from ..expressions.tolerances import TINY
@@ -62,6 +63,50 @@ from .tolerances import (
     STIFF_STEPS,
     TRIAL_STEPS,
 )
+
+
+class Lane(NamedTuple):
+    """Rows of a lane that each step changes."""
+
+    t: Any  # modulus of the time
+    wanted: Any  # length of the next step
+    longer: Any  # largest factor to the length after it
+    state: Any  # a `LaneState`
+
+
+class Errors(NamedTuple):
+    """Errors of a step, relative to allowed errors."""
+
+    ratio: Any  # the largest error
+    total: Any  # a sum that is finite if all errors and rates are
+    kept: Any  # 0 if a sign or constraints are lost, else 1
+    apart: Any  # the largest sum that shows false ends
+    on_trial: Any  # 1 after a second trial, else 0
+    of_length: Any  # the ratio that gives the next length
+
+
+class Differences(NamedTuple):
+    """Sums of `allowed_errors.DIFFERENCES`, which show (h |mu|)**2 = rates / states."""
+
+    rates: Any
+    states: Any
+
+
+class Turning(NamedTuple):
+    """Rows of a lane that decide about the change of the integrator."""
+
+    stiff: Any  # steps of an explicit lane that look stiff
+    easy: Any  # steps in a row that do not look stiff; if implicit: that could be explicit
+    patience: Any  # number of stiff steps after which a lane becomes implicit
+    trial: Any  # steps that are left of the trial of implicit steps
+
+
+class Bounds(NamedTuple):
+    """Bounds of steps, and of what looks stiff."""
+
+    shortest: Any  # the shortest step, as a part of the time
+    limit: Any  # h |mu| above which a step looks stiff
+    switches: Any  # 1 if lanes may change to the other integrator, else 0
 
 
 def first_part(rtol, order):
@@ -201,39 +246,39 @@ def _is_false(ratio, apart):
 
 
 def _after(
-    t, taken, aside, wanted, longer, state, steps, tries, ratio, total, kept, apart, on_trial,
-    of_length, reach, last, longest, best, *, power, predicts,
+    lane: Lane, taken, aside, steps, tries, errors: Errors, reach, last, longest, best, *,
+    power, predicts,
 ):  # fmt: skip
     """Decide whether a step is accepted, and whether a step aside is; return the rows after it."""
-    is_finite = total < inf
+    is_finite = errors.total < inf
     is_active = taken > 0.0
-    sees = is_finite & (kept > 0.0)  # the error estimate is valid
-    accepted = is_active & sees & (apart <= MOST_APART) & (ratio <= 1.0)
+    sees = is_finite & (errors.kept > 0.0)  # the error estimate is valid
+    accepted = is_active & sees & (errors.apart <= MOST_APART) & (errors.ratio <= 1.0)
     # Operations that do not need the factor come first, because the others wait for the factor.
-    of_refused = _is_false(ratio, apart).select(
-        smaller(longer, FACTOR_OF_FALSE), smaller(longer, FACTOR_OF_REFUSED)
+    of_refused = _is_false(errors.ratio, errors.apart).select(
+        smaller(lane.longer, FACTOR_OF_FALSE), smaller(lane.longer, FACTOR_OF_REFUSED)
     )
-    most = accepted.select(longer, of_refused)
-    factor = _factor(of_length, power)
+    most = accepted.select(lane.longer, of_refused)
+    factor = _factor(errors.of_length, power)
     of_best, factor = smaller(factor, MOST_FACTOR), SAFETY * factor
     if predicts:  # the quotient does not wait for the factor
         shrinks = larger(smaller(of_best * (STEADY_TREND * taken / best), 1.0), LEAST_PREDICTED)
-        factor = factor * (accepted & (longer < FACTOR_AT_FIRST)).select(shrinks, 1.0)
+        factor = factor * (accepted & (lane.longer < FACTOR_AT_FIRST)).select(shrinks, 1.0)
     factor = sees.select(larger(smaller(factor, most), LEAST_FACTOR), FACTOR_OF_NAN)
     served, moved = accepted & (aside > 0.0), accepted & (aside <= 0.0)
     changes = is_active & ~served
-    reaches = (wanted < reach * (last - t)).select(t + taken, last)
-    after = moved.select(reaches, t)
-    longer_now = (on_trial > 0.0).select(FACTOR_AFTER_TRIAL, MOST_FACTOR)
+    reaches = (lane.wanted < reach * (last - lane.t)).select(lane.t + taken, last)
+    after = moved.select(reaches, lane.t)
+    longer_now = (errors.on_trial > 0.0).select(FACTOR_AFTER_TRIAL, MOST_FACTOR)
     after_this = accepted.select(longer_now, FACTOR_AFTER_REFUSED)
     return {
         "accepted": moved.select(1.0, 0.0),
         "served": served.select(1.0, 0.0),
         "t": after,
-        "wanted": changes.select(smaller(factor * taken, longest), wanted),
-        "longer": changes.select(after_this, longer),
+        "wanted": changes.select(smaller(factor * taken, longest), lane.wanted),
+        "longer": changes.select(after_this, lane.longer),
         "best": moved.select(of_best * taken if predicts else 0.0, best),
-        "state": (is_active & (after >= last)).select(float(LaneState.DONE), state),
+        "state": (is_active & (after >= last)).select(float(LaneState.DONE), lane.state),
         "steps": steps + moved.select(1.0, 0.0),
         "tries": tries + is_active.select(1.0, 0.0),
     }
@@ -245,11 +290,11 @@ def after(power, predicts):
     return scalar_kernel(functools.partial(_after, power=power, predicts=predicts))
 
 
-def _ends(t, taken, wanted, state, shortest):
-    """Return which lanes run, and `state`, which is ENDED if `wanted` is too short."""
-    runs = (taken > 0.0) & (state < LaneState.DONE)
-    is_short = runs & (wanted < larger(shortest * t, TINY))
-    return runs, is_short.select(float(LaneState.ENDED), state)
+def _ends(lane, taken, shortest):
+    """Return which lanes run, and their state, which is ENDED if `wanted` is too short."""
+    runs = (taken > 0.0) & (lane.state < LaneState.DONE)
+    is_short = runs & (lane.wanted < larger(shortest * lane.t, TINY))
+    return runs, is_short.select(float(LaneState.ENDED), lane.state)
 
 
 def _is_stiff(rates, states, limit):
@@ -267,60 +312,65 @@ def LOOKS(t, taken, wanted, rates, states, stiff, apart, shortest, limit):
 
 @scalar_kernel
 def TURN_EXPLICIT(
-    t, taken, wanted, longer, state, stiff, easy, patience, trial, accepted, rates, states, ratio,
-    apart, shortest, limit, switches,
+    lane: Lane, taken, turning: Turning, accepted, differences: Differences, errors: Errors,
+    bounds: Bounds,
 ):  # fmt: skip
     """Count steps that look stiff; after `patience` of them an explicit lane turns implicit.
 
     `easy` counts the accepted steps since the last stiff one. At STEPS_TO_FORGET of them the count
     `stiff` becomes 0. The lane ends if its next step would be too short (`_ends`).
     """
-    _, state = _ends(t, taken, wanted, state, shortest)
-    is_stiff, accepted = _is_stiff(rates, states, limit), accepted > 0.0
-    more = is_stiff.select(1.0, (apart > APART_OF_BOUNCE).select(COUNT_OF_BOUNCE, 0.0))
-    easy_now = (more > 0.0).select(0.0, (stiff > 0.0).select(easy + 1.0, 0.0))
-    stiff_now = (more > 0.0).select(stiff + more, (easy_now < STEPS_TO_FORGET).select(stiff, 0.0))
-    easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), easy)
-    is_false = (taken > 0.0) & _is_false(ratio, apart)
-    stiff = accepted.select(stiff_now, is_false.select(stiff + COUNT_OF_FALSE, stiff))
-    turns = (stiff >= patience) & (switches > 0.0) & (state < LaneState.IMPLICIT)
+    _, state = _ends(lane, taken, bounds.shortest)
+    is_stiff, accepted = (
+        _is_stiff(differences.rates, differences.states, bounds.limit),
+        accepted > 0.0,
+    )
+    more = is_stiff.select(1.0, (errors.apart > APART_OF_BOUNCE).select(COUNT_OF_BOUNCE, 0.0))
+    easy_now = (more > 0.0).select(0.0, (turning.stiff > 0.0).select(turning.easy + 1.0, 0.0))
+    count = turning.stiff
+    stiff_now = (more > 0.0).select(count + more, (easy_now < STEPS_TO_FORGET).select(count, 0.0))
+    easy = accepted.select((stiff_now > 0.0).select(easy_now, 0.0), turning.easy)
+    is_false = (taken > 0.0) & _is_false(errors.ratio, errors.apart)
+    stiff = accepted.select(stiff_now, is_false.select(count + COUNT_OF_FALSE, count))
+    turns = (stiff >= turning.patience) & (bounds.switches > 0.0) & (state < LaneState.IMPLICIT)
     return {
-        "longer": turns.select(FACTOR_AT_FIRST, longer),
+        "longer": turns.select(FACTOR_AT_FIRST, lane.longer),
         "state": turns.select(float(LaneState.IMPLICIT), state),
         "stiff": turns.select(0.0, stiff),
         "easy": turns.select(0.0, easy),
-        "trial": turns.select(TRIAL_STEPS, trial),
+        "trial": turns.select(TRIAL_STEPS, turning.trial),
     }
 
 
 @scalar_kernel
-def TURN_IMPLICIT(
-    t, taken, wanted, state, easy, patience, trial, accepted, rate, shortest, limit, switches,
-):  # fmt: skip
+def TURN_IMPLICIT(lane: Lane, taken, turning: Turning, accepted, rate, bounds: Bounds):
     """Count easy steps in a row; after EASY_STEPS of them an implicit lane turns explicit.
 
     A step is easy if h |mu| < 2 limit, so that an explicit step could be as long. In the trial, the
     first TRIAL_STEPS steps, this bound is lower. A lane that turns explicit in its trial has more
     `patience` afterwards, so that it does not change back and forth.
     """
-    runs, state = _ends(t, taken, wanted, state, shortest)
+    runs, state = _ends(lane, taken, bounds.shortest)
     accepted = accepted > 0.0
-    left = larger(trial - 1.0, 0.0)
+    left = larger(turning.trial - 1.0, 0.0)
     is_trial = left > 0.0
-    product = rate * wanted
-    is_easy = (product < 2.0 * limit) & (product < is_trial.select(0.6 * limit, inf))
-    easy_now = is_easy.select(easy + 1.0, 0.0)
-    patient = (is_easy | is_trial).select(patience, STIFF_STEPS)
-    easy, patience = accepted.select(easy_now, easy), accepted.select(patient, patience)
-    turns = (easy >= EASY_STEPS) & (switches > 0.0) & runs & accepted & (state < LaneState.DONE)
+    product = rate * lane.wanted
+    is_easy = (product < 2.0 * bounds.limit) & (product < is_trial.select(0.6 * bounds.limit, inf))
+    easy_now = is_easy.select(turning.easy + 1.0, 0.0)
+    patient = (is_easy | is_trial).select(turning.patience, STIFF_STEPS)
+    easy = accepted.select(easy_now, turning.easy)
+    patience = accepted.select(patient, turning.patience)
+    turns = (
+        (easy >= EASY_STEPS) & (bounds.switches > 0.0) & runs & accepted & (state < LaneState.DONE)
+    )
     after_trial = is_trial.select(smaller(4.0 * patience, MOST_STIFF_STEPS), patience)
-    explicit = smaller(wanted, limit / larger(rate, TINY))
+    explicit = smaller(lane.wanted, bounds.limit / larger(rate, TINY))
     return {
-        "wanted": turns.select(explicit, wanted),
+        "wanted": turns.select(explicit, lane.wanted),
         "state": turns.select(float(LaneState.EXPLICIT), state),
         "easy": turns.select(0.0, easy),
         "patience": turns.select(after_trial, patience),
-        "trial": accepted.select(left, trial),
+        "trial": accepted.select(left, turning.trial),
     }
 
 

@@ -24,11 +24,13 @@ starts at its end.
 import functools
 import itertools
 from math import inf
+from typing import Any, NamedTuple
 
 from ...expressions.values import larger, smaller
 from ...hybrid.double_crossings import MIDDLE, POINTS
 from ..memory import LaneState
 from ..scalar_kernels import scalar_kernel
+from ..step_length import Lane
 from ..tolerances import (
     ACCURACY_AT_0,
     ACCURACY_OF_CROSSING,
@@ -78,6 +80,56 @@ def QUARTIC(x, new, f_x, f_new, signed, f_point):
     return {"quartic": (abs(own) < inf).select(own, 0.0)}
 
 
+class Search(NamedTuple):
+    """Rows of a search for the length of a step that ends at a surface."""
+
+    inner: Any  # length of a step that does not cross it
+    outer: Any  # length of a step that crosses it; infinity without a search
+    weight: Any  # Illinois rule: weight of the end at `inner`, or minus that at `outer`
+    rounds: Any  # number of lengths tried
+    whole: Any  # the next length if there were no surface
+
+
+class FirstCrossing(NamedTuple):
+    """The first crossing between points of a step, see `LOOK`."""
+
+    crossed: Any
+    place: Any
+    end: Any
+
+
+class Crossings(NamedTuple):
+    """What values of surfaces at points of a step tell."""
+
+    crosses: Any  # 1 if the values at both ends show a crossing
+    twice: Any  # 1 if the values at points show two crossings
+    starts: Any  # 1 if a search begins
+    hidden: Any  # from 1 on the step may hide crossings
+    waves: Any  # the change of a phase, in quarters of a turn
+
+
+class Cut(NamedTuple):
+    """Results of `CROSSES` that decide about a step."""
+
+    crosses: Any
+    searched: Any
+    is_close: Any
+    hides: Any
+    has_waves: Any
+
+
+class Outcome(NamedTuple):
+    """Results of `OUTCOME`, which has their meanings."""
+
+    cuts: Any
+    holds: Any
+    again: Any
+    refused: Any
+    ends: Any
+    lands: Any
+    moves: Any
+
+
 @scalar_kernel
 def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
     """Update the first crossing in a step with the next interval between two points of the step.
@@ -97,45 +149,44 @@ def LOOK(crossed, place, end, part, crosses, u, width, taken, inner):
 
 
 @scalar_kernel
-def CROSSES(
-    before, taken, total, last, crosses, twice, starts, hidden, waves, inner, outer, since,
-):  # fmt: skip
+def CROSSES(before, taken, total, last, points: Crossings, search: Search, since):
     """Return whether a step crosses a surface, ends just beyond it, or may hide two crossings.
 
     In a search for the length that ends at a surface, a step crosses a surface if the values of s
     at its two ends show a crossing, or the values at its points show two (`twice`).
     """
-    searched, is_long = outer < inf, taken > HIDDEN_FROM * last
+    searched, is_long = search.outer < inf, taken > HIDDEN_FROM * last
     accuracy = ACCURACY_OF_CROSSING * (before + taken) + ACCURACY_AT_0 * last
-    is_crossed = searched.select(larger(crosses, twice), starts) > 0.0
-    has_waves = (waves > 1.0) & is_long & ~searched
-    shorter = taken * larger(SAFETY / hidden.sqrt().sqrt(), 0.5)  # `hidden` is of order 4 in h
+    is_crossed = searched.select(larger(points.crosses, points.twice), points.starts) > 0.0
+    has_waves = (points.waves > 1.0) & is_long & ~searched
+    shorter = taken * larger(
+        SAFETY / points.hidden.sqrt().sqrt(), 0.5
+    )  # `hidden` is of order 4 in h
     return {
         "crosses": is_crossed & (taken > 0.0) & (total < inf),
-        "is_close": searched & ((taken - inner <= accuracy) | (since <= accuracy)),
+        "is_close": searched & ((taken - search.inner <= accuracy) | (since <= accuracy)),
         "accuracy": accuracy,
         "searched": searched,
         "is_long": is_long,
-        "hides": (hidden >= 1.0) & is_long,
+        "hides": (points.hidden >= 1.0) & is_long,
         "has_waves": has_waves,
-        "shorter": smaller(taken * (PART_OF_WAVE / waves), has_waves.select(inf, shorter)),
+        "shorter": smaller(taken * (PART_OF_WAVE / points.waves), has_waves.select(inf, shorter)),
     }
 
 
 @scalar_kernel
-def OUTCOME(
-    before, t, taken, accepted, served, goal, left, ended, outer, whole, crosses, searched,
-    is_close, hides, has_waves,
-):  # fmt: skip
+def OUTCOME(before, t, taken, accepted, served, goal, left, ended, search: Search, found: Cut):
     """Decide whether a step is repeated or moves the state, and whether it ends on a surface."""
     is_right = accepted + served > 0.0
-    cuts = crosses & ~is_close & ~has_waves
+    cuts = found.crosses & ~found.is_close & ~found.has_waves
     ends = (ended > 0.0) & (left <= EDGE * before)
-    arrives = is_right & ~(crosses | has_waves) & (left <= NEARLY * (before + taken)) | ends
-    lands = (arrives | (crosses & is_close & is_right)) & (served > 0.0)
-    again = (hides & is_right & ~(cuts | arrives)) | has_waves
-    holds = searched & is_right & ~(crosses | again | arrives)
-    holds = holds & (taken < larger(outer, 0.25 * whole)) & (t < goal)
+    arrives = (
+        is_right & ~(found.crosses | found.has_waves) & (left <= NEARLY * (before + taken)) | ends
+    )
+    lands = (arrives | (found.crosses & found.is_close & is_right)) & (served > 0.0)
+    again = (found.hides & is_right & ~(cuts | arrives)) | found.has_waves
+    holds = found.searched & is_right & ~(found.crosses | again | arrives)
+    holds = holds & (taken < larger(search.outer, 0.25 * search.whole)) & (t < goal)
     refused = cuts | holds | again
     moves = ~refused & (accepted + lands.select(1.0, 0.0) > 0.0) | ends
     return {
@@ -146,67 +197,72 @@ def OUTCOME(
         "ends": ends,  # the solution ends where the step began: f has no value beyond s = 0
         "lands": lands,  # a step aside (`step_length`) ends on a surface: so it moves the state
         "moves": moves,
-        "at_surface": (moves & (crosses | arrives)).select(1.0, 0.0),
+        "at_surface": (moves & (found.crosses | arrives)).select(1.0, 0.0),
         "serves": (cuts | again | lands).select(0.0, served),
     }
 
 
 @scalar_kernel
 def SEARCH(
-    taken, crossed, place, end, whole_part, part, inner, outer, weight, rounds, aim, accuracy,
-    has_points, searched, cuts, holds,
+    taken, first: FirstCrossing, whole_part, part, search: Search, aim, accuracy, has_points,
+    searched, cuts, holds,
 ):  # fmt: skip
     """Return the next length in a search, between `inner` and `outer`, and the search's rows."""
-    misses = holds & (taken >= outer)  # the surface lies beyond `outer`
-    of_end = (crossed > 0.0).select(end, 1.0) * taken
-    of_place = (crossed > 0.0).select(place, whole_part) * taken
-    is_beyond = cuts & searched & ~((inner <= 0.0) & (crossed > 0.0))
-    is_rough = misses | ((end < 1.0) & ~searched & (has_points > 0.0))
-    outer = cuts.select(of_end, misses.select(4.0 * taken, outer))
-    inner = holds.select(taken, inner)
+    misses = holds & (taken >= search.outer)  # the surface lies beyond `outer`
+    of_end = (first.crossed > 0.0).select(first.end, 1.0) * taken
+    of_place = (first.crossed > 0.0).select(first.place, whole_part) * taken
+    is_beyond = cuts & searched & ~((search.inner <= 0.0) & (first.crossed > 0.0))
+    is_rough = misses | ((first.end < 1.0) & ~searched & (has_points > 0.0))
+    outer = cuts.select(of_end, misses.select(4.0 * taken, search.outer))
+    inner = holds.select(taken, search.inner)
     part = cuts.select((of_place - inner) / (outer - inner), part)
 
-    heavier = smaller(2.0 * abs(weight), MOST_WEIGHT)
+    heavier = smaller(2.0 * abs(search.weight), MOST_WEIGHT)
     # If the crossing lies at the start of the step, as after a jump, no straight line fits: bisect.
     starts_on = cuts & (inner <= 0.0) & (part < LEAST_CUT)
-    part = smaller(larger(part, LEAST_CUT), (abs(weight) >= 2.0).select(MOST_CUT, 1.0))
+    part = smaller(larger(part, LEAST_CUT), (abs(search.weight) >= 2.0).select(MOST_CUT, 1.0))
     part, width = starts_on.select(0.5, part), outer - inner
-    of_inner = (weight >= 1.0).select(heavier, 1.0)
-    of_outer = (weight <= -1.0).select(heavier, 1.0)
+    of_inner = (search.weight >= 1.0).select(heavier, 1.0)
+    of_outer = (search.weight <= -1.0).select(heavier, 1.0)
     a, b = cuts.select(1.0, of_outer) * part, cuts.select(of_inner, 1.0) * (1.0 - part)
-    guess = inner + width * (rounds > ROUNDS_OF_SEARCH).select(0.5, a / (a + b))
-    has_aim = (aim > inner) & (aim < outer) & (rounds <= ROUNDS_OF_SEARCH)
+    guess = inner + width * (search.rounds > ROUNDS_OF_SEARCH).select(0.5, a / (a + b))
+    has_aim = (aim > inner) & (aim < outer) & (search.rounds <= ROUNDS_OF_SEARCH)
     guess = has_aim.select(aim + 0.5 * accuracy, guess)
     guess = smaller(larger(guess, inner + 0.75 * accuracy), outer - 0.75 * accuracy)
     return {
         "length": is_rough.select(outer, (width > accuracy).select(guess, outer)),
         "inner": inner,
         "outer": outer,
-        "weight": cuts.select(is_rough.select(0.0, of_inner), holds.select(-of_outer, weight)),
+        "weight": cuts.select(
+            is_rough.select(0.0, of_inner), holds.select(-of_outer, search.weight)
+        ),
         "is_beyond": is_beyond,
     }
 
 
 @scalar_kernel
 def NEXT_LENGTH(
-    taken, wanted, longer, length, shorter, known, inner, outer, weight, rounds, whole, searched,
-    is_long, cuts, holds, again, moves,
-):  # fmt: skip
+    taken, lane: Lane, length, shorter, known, search: Search, searched, is_long, outcome: Outcome
+):
     """Return the next length, and the rows of a search, which begins, goes on, or ends."""
-    searches = cuts | holds
+    searches = outcome.cuts | outcome.holds
     forgets = ~searches & (taken > 0.0)
-    after_surface = smaller(whole, larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * whole))
-    after_this = (moves & searched).select(after_surface, wanted)
-    after_this = (moves & is_long).select(smaller(after_this, shorter), after_this)
+    after_surface = smaller(
+        search.whole, larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * search.whole)
+    )
+    after_this = (outcome.moves & searched).select(after_surface, lane.wanted)
+    after_this = (outcome.moves & is_long).select(smaller(after_this, shorter), after_this)
     after_this = searches.select(length, after_this)
     return {
-        "wanted": again.select(smaller(shorter, wanted), after_this),
-        "longer": again.select(FACTOR_AFTER_REFUSED, longer),
-        "inner": forgets.select(0.0, inner),
-        "outer": forgets.select(inf, outer),
-        "weight": forgets.select(0.0, weight),
-        "rounds": forgets.select(0.0, searches.select(rounds + 1.0, rounds)),
-        "whole": searched.select(whole, is_long.select(smaller(wanted, known), wanted)),
+        "wanted": outcome.again.select(smaller(shorter, lane.wanted), after_this),
+        "longer": outcome.again.select(FACTOR_AFTER_REFUSED, lane.longer),
+        "inner": forgets.select(0.0, search.inner),
+        "outer": forgets.select(inf, search.outer),
+        "weight": forgets.select(0.0, search.weight),
+        "rounds": forgets.select(0.0, searches.select(search.rounds + 1.0, search.rounds)),
+        "whole": searched.select(
+            search.whole, is_long.select(smaller(lane.wanted, known), lane.wanted)
+        ),
     }
 
 
@@ -223,20 +279,19 @@ def LEVEL(value, side, level, accepted):
 
 @scalar_kernel
 def TIME_AND_STATE(
-    before, t, steps, state, accepted, next, last, mode, jumps, crosses, refused, ends, lands,
-    moves,
-):  # fmt: skip
+    before, lane: Lane, steps, accepted, next, last, mode, jumps, crosses, outcome: Outcome
+):
     """Return the time, number of steps and state of a lane after a step, and if f `jumped`.
 
     If the step is to be repeated (`refused`), time and number of steps are as before it. Then, or
     if f jumps or ends at the end of the step, the lane runs on, even if the step had ended it.
     """
-    jumped = moves & crosses & (jumps > 0.0) & (t < last)
-    stopped = (state >= LaneState.DONE).select(mode, state)
+    jumped = outcome.moves & crosses & (jumps > 0.0) & (lane.t < last)
+    stopped = (lane.state >= LaneState.DONE).select(mode, lane.state)
     return {
-        "t": refused.select(before, lands.select(next, t)),
-        "steps": refused.select(steps - accepted, steps + lands.select(1.0, 0.0)),
-        "state": refused.select(stopped, (jumped | ends).select(mode, state)),
+        "t": outcome.refused.select(before, outcome.lands.select(next, lane.t)),
+        "steps": outcome.refused.select(steps - accepted, steps + outcome.lands.select(1.0, 0.0)),
+        "state": outcome.refused.select(stopped, (jumped | outcome.ends).select(mode, lane.state)),
         "jumped": jumped.select(1.0, 0.0),
     }
 

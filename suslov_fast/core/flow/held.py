@@ -4,6 +4,7 @@ Steps and bits are the same as in `BatchSolver`. A call may change the integrato
 """
 
 import math
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,58 +106,24 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
     `given` (P,) are all parameters of f; the first ones are `parameters`, which may change. If f
     has columns of derivatives, the last ones belong to the parameters with the numbers `by`.
     """
-    explicit, implicit = LaneState.EXPLICIT, LaneState.IMPLICIT
-    of_stiff = {True: (implicit,), False: (explicit,), None: (explicit, implicit)}
-    modes = of_stiff[settings.stiff]
     again = batch_solver.closer(settings)
-    # Integrators with `is_relative` compute motions again, see `growing_components`.
-    both = [(mode, each, each is again) for each in (settings, again) for mode in modes]
-    integrators = [batch_solver.integrator_of(f, *each) for each in both]
-    codes = [batch_solver.code_of(each, 1, f.hybrid.chooses) for each in integrators]
-    of_again = codes[-len(modes) :]
-    of_table = of_this = of_start = of_test = 0
-    if not f.is_dense:
-        of_table, _, of_this = code_of_program(f.of_x, TABLE)
-    if f.of_x.constraints_count:
-        of_start, _, of_test = code_of_program(f.of_x, "start")
+    integrators, codes = _integrators_of(f, settings, again)
+    first, rows = integrators[0], integrators[0].rows
     times, equal = (event_times or batch_solver.NO_EVENT_TIMES).array
-    rows, numbers = integrators[0].rows, np.array(batch_solver.numbers_of(f, settings, 1))
-    row = np.zeros(rows.size)
-    row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
-    at_once, size = 0, size_of(f)
-    if f.hybrid.acts:
-        row[rows.stop : rows.stop + 2] = times[0, 0]
-        at_once = 2 * most_records(f.hybrid.events, equal) * size
-    parts = [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
-    others = [batch_solver.components_of(f, each) for each in (settings, again)]
-    others += [np.array(batch_solver.numbers_of(f, again, 1)), times]
-    ends = np.cumsum([each.size for each in others]).tolist()
-    constants = np.concatenate([*others, *parts], axis=None)
-    most = max(of_this, *(integrator.work.size for integrator in integrators))
-    parts_of_memory = {"arguments": _ARGUMENTS, "ended": 2, "state": f.D}
-    parts_of_memory |= zip(("numbers", "times", "rows", "inputs"), map(len, parts), strict=True)
-    parts_of_memory |= {"table": len(f.table), "work": most, "other": most, "records": at_once}
-    parts_of_memory["start"] = of_test
-    firsts = np.cumsum([0, *parts_of_memory.values()]).tolist()
-    first = dict(zip([*parts_of_memory, "size"], firsts, strict=True))
-    del first["arguments"]
+    template = _template_of(f, settings, rows, times, given)
+    constants, places = _constants_of(f, settings, again, times, template)
+    size = size_of(f)
+    records = 2 * most_records(f.hybrid.events, equal) * size if f.hybrid.acts else 0
     pairs = [each for clock, n in f.hybrid.offsets.items() for each in (clock, n - f.of_x.D)]
     plan = Plan(
-        **first,
-        implicit=codes[len(modes) - 1],
-        first_again=of_again[0],
-        implicit_again=of_again[-1],
-        of_table=of_table,
-        of_constraints=of_start,
-        is_bounded=integrators[0].is_bounded,
+        **codes,
+        **places,
+        **_memory_of(f, integrators, template, records),
+        is_bounded=first.is_bounded,
         by_starts=f.columns - len(by),
         columns=f.columns,
         D=f.of_x.D,
         clocks=_CLOCKS + len(pairs),
-        components_again=ends[0],
-        numbers_again=ends[1],
-        event_times=ends[2] * f.hybrid.acts,
-        template=ends[3],
         size_of_record=size,
         size_of_table=len(f.of_x.table) if f.of_x.constraints_count else 0,
         t=rows.t,
@@ -164,11 +131,70 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         at=rows.at,
         lost=rows.lost,
     )
-    _kept.update((int(code), code) for code in (*codes, of_table, of_start))
+    address = int(batch_solver.code_of(first, 1, f.hybrid.chooses))
     own = np.array(parameters, np.float64)
-    return MotionSystem(
-        int(codes[0]), np.array([*plan, *pairs, *by]), constants, own, float(time), f.D
-    )
+    return MotionSystem(address, np.array([*plan, *pairs, *by]), constants, own, float(time), f.D)
+
+
+def _integrators_of(f, settings, again):
+    """Return the integrators of f, and the fields of `Plan` that are addresses of code.
+
+    Those of a first computation come before those with settings `again`. Within both, the explicit
+    one comes before the implicit one, if f needs both.
+    """
+    explicit, implicit = LaneState.EXPLICIT, LaneState.IMPLICIT
+    of_stiff = {True: (implicit,), False: (explicit,), None: (explicit, implicit)}
+    modes = of_stiff[settings.stiff]
+    # Integrators with `is_relative` compute motions again, see `growing_components`.
+    both = [(mode, each, each is again) for each in (settings, again) for mode in modes]
+    integrators = [batch_solver.integrator_of(f, *each) for each in both]
+    codes = [batch_solver.code_of(each, 1, f.hybrid.chooses) for each in integrators]
+    of_again = codes[-len(modes) :]
+    found = {
+        "implicit": codes[len(modes) - 1],
+        "first_again": of_again[0],
+        "implicit_again": of_again[-1],
+        "of_table": 0 if f.is_dense else code_of_program(f.of_x, TABLE)[0],
+        "of_constraints": code_of_program(f.of_x, "start")[0] if f.of_x.constraints_count else 0,
+    }
+    _kept.update((int(code), code) for code in (*codes, *found.values()))
+    return integrators, found
+
+
+def _template_of(f, settings, rows, times, given):
+    """Return parts of the memory as they are before a motion: numbers, times, rows, parameters."""
+    row, numbers = np.zeros(rows.size), np.array(batch_solver.numbers_of(f, settings, 1))
+    row[rows.state], numbers[NUMBER.longest] = BEGINS, settings.max_step or np.inf
+    if f.hybrid.acts:
+        row[rows.stop : rows.stop + 2] = times[0, 0]
+    return [numbers, np.array([0.0, np.inf, np.inf]), row, np.array(given)]
+
+
+def _constants_of(f, settings, again, times, template):
+    """Return `constants` of a `MotionSystem`, and the fields of `Plan` that are places in them."""
+    parts = [batch_solver.components_of(f, each) for each in (settings, again)]
+    parts += [np.array(batch_solver.numbers_of(f, again, 1)), times]
+    components, numbers, of_times, of_template = np.cumsum([each.size for each in parts]).tolist()
+    return np.concatenate([*parts, *template], axis=None), {
+        "components_again": components,
+        "numbers_again": numbers,
+        "event_times": of_times * f.hybrid.acts,
+        "template": of_template,
+    }
+
+
+def _memory_of(f, integrators, template, records):
+    """Return the fields of `Plan` that are places in memory; `records` need as many numbers."""
+    of_table = 0 if f.is_dense else code_of_program(f.of_x, TABLE)[2]
+    of_start = code_of_program(f.of_x, "start")[2] if f.of_x.constraints_count else 0
+    work = max(of_table, *(integrator.work.size for integrator in integrators))
+    sizes = {"arguments": _ARGUMENTS, "ended": 2, "state": f.D}
+    sizes |= zip(("numbers", "times", "rows", "inputs"), map(len, template), strict=True)
+    sizes |= {"table": len(f.table), "work": work, "other": work, "records": records}
+    sizes["start"] = of_start
+    places = dict(zip([*sizes, "size"], accumulate(sizes.values(), initial=0), strict=True))
+    del places["arguments"]
+    return places
 
 
 @function

@@ -7,7 +7,8 @@ depends on this trajectory alone, so that its bits do not depend on the batch.
 
 If rates of decay are far apart, as in stiff equations, segments would be very short: a few e-folds
 of the second fastest rate. Then an orthonormal frame replaces the columns (`orthonormal_frame`),
-and a segment ends before the columns of the frame lose their right angles.
+and a segment ends before the columns of the frame lose their right angles, or the tangent space of
+constraints has turned too far from the axes of the frame.
 
 An event may remove a direction, as an event does that sets a component to a number. Then a column
 has no digits left even after the shortest segment with this event. The column is called dead, and
@@ -56,8 +57,9 @@ _GROWTH = 2.0**-10  # smaller rates of growth, as parts of the largest entry of 
 _DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
 _OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
 # If _FEW segments end before _PART of the time, an orthonormal frame V of up to _LARGEST_FRAME
-# columns replaces the tangent vectors. Segments then end before V^T V - 1 exceeds _OFF times rtol.
-_FEW, _PART, _LARGEST_FRAME, _OFF = 64, 2.0**-5, 12, 32.0
+# columns replaces the tangent vectors. Segments then end before V^T V - 1 exceeds _OFF times rtol,
+# and before the tangent space of constraints has turned by an angle with the tangent _TURNED.
+_FEW, _PART, _LARGEST_FRAME, _OFF, _TURNED = 64, 2.0**-5, 12, 32.0, 1.0
 # With events, _LESS shortens the transient, and the time is cut at its part _FIRST before it is cut
 # into segments. A segment should not end just after an event, because the next one begins without
 # memory of surfaces that were met; and events often act at simple parts of the time.
@@ -168,7 +170,7 @@ class _Run:
         self.event_times = request.event_times
         self.n = spaces.size if spaces else len(self.moving)
         self.tangent = variational(f, self.n, True)
-        is_plain = not (f.is_dense or f.products or f.hybrid.chooses or f.hybrid.acts or spaces)
+        is_plain = not (f.is_dense or f.products or f.hybrid.chooses or f.hybrid.acts)
         self.has_frames = np.full(len(x), is_plain and self.n <= _LARGEST_FRAME)
         self.count = np.zeros(len(x), np.int64)  # number of segments so far
         self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far
@@ -309,24 +311,30 @@ class _Run:
 
         Trajectories that do not reach the end of the segment have no frames in later segments.
         """
-        D, n, K = self.f.D, self.n, len(which)
+        D, n, K, x, spaces = self.f.D, self.n, len(which), self.x[which], self.spaces
         frame = with_frame(self.f, tuple(self.moving.tolist()))
-        table = self._table(which)
-        table, x, starts = batch_solver.counted_from_start(self.f, table, self.x[which])
-        start = extended(x, self.Q[which] + SHIFT, np.zeros((K, n)))
+        W, U = self.Q[which], spaces.axes(x, which) if spaces else np.empty(0)
+        table, x, starts = batch_solver.counted_from_start(self.f, self._table(which), x)
+        if spaces:
+            W = dual_product(U[..., :n], W)
+            table = np.broadcast_to(table, (K, table.shape[-1]))
+            table = np.concatenate([table, U.reshape(K, -1)], axis=1)
+        start = extended(x, W + SHIFT, np.zeros((K, n)))
         table = np.ascontiguousarray(frame.table_of(table.T).T)
         engine = self._solved(which, length, frame, table, start)
         (end,), ended = engine.states, engine.state != LaneState.DONE
         if starts is not None:
             end[:, [*self.f.hybrid.offsets]] += starts
-        V = end[:, D:-n].reshape(K, n, n) - SHIFT
-        Q, diagonal = _decomposed(V)
-        off = abs(dual_product(V, V) - np.eye(n)).max(axis=(1, 2))
-        self.has_frames[which[ended]] = False
-        most = _OFF * self.settings.rtol
-        is_good = ~ended & (is_last | (off <= most))
+        W = V = end[:, D:-n].reshape(K, n, n) - SHIFT
+        off, turned = abs(dual_product(W, W) - np.eye(n)).max(axis=(1, 2)), np.zeros(K)
+        if spaces:
+            V, turned = spaces.tangents(end[:, :D], U, W, which)
+        Q, diagonal = self._decomposed(end[:, :D], V, which)
+        self.has_frames[which[ended & (is_last or not spaces)]] = False
+        off = off / (_OFF * self.settings.rtol)
+        is_good = ~ended & (is_last | (off <= 1.0) & (turned <= _TURNED))
         self._accept(which, is_good, length, engine, Q, end[:, -n:] + np.log(diagonal))
-        return is_good, is_good & (4.0 * off <= most)
+        return is_good, is_good & (4.0 * off <= 1.0) & (2.0 * turned <= _TURNED)
 
     def _accept(
         self, which: Any, is_good: Any, length: float, engine: BatchSolver, Q: Any, logs: Any
@@ -348,7 +356,9 @@ class _Run:
         """Solve f from `start` over a segment, and note which trajectories had an alarm."""
         request = SolverRequest(np.array([length]), 1, self.settings, event_times=event_times)
         states = np.full((1, *start.shape), np.nan)
-        engine = BatchSolver(f, table, start, request, states, self.lost[which], self.acts)
+        # Without digits are, near rest, only those components that constraints determine.
+        acts = self.acts and (f is self.tangent or not self.spaces)
+        engine = BatchSolver(f, table, start, request, states, self.lost[which], acts)
         engine.run(self.threads)
         ends = engine.state == LaneState.AGAIN
         self.again[which[ends]], self.status[which[ends]] = True, Status.TOO_MANY_STEPS

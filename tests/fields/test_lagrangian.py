@@ -60,6 +60,15 @@ def test_pendulum_has_its_period_and_length():
     assert_allclose(motion.energy(), 9.81 * x0[1], rtol=1e-6)
 
 
+@pytest.mark.parametrize("a", [1e-3, 1e-6, 1e-9])
+def test_small_oscillations_keep_their_digits(a):
+    """The height is -1 + x**2 / 2, and rounding errors in its rate must not reach x."""
+    x, _, vx, _ = flow(pendulum(), [a, -np.sqrt(1 - a * a), 0, 0], time=20.0).final
+    turned = np.sqrt(9.81) * 20.0
+    assert abs(x / a - cos(turned)) < 5e-9 + 10 * a * a
+    assert abs(vx / a / np.sqrt(9.81) + sin(turned)) < 5e-9 + 10 * a * a
+
+
 def test_double_pendulum_is_the_field_with_masses():
     def lagrangian(q, v, g):
         kinetic = v[0] ** 2 + v[1] ** 2 / 2 + v[0] * v[1] * cos(q[0] - q[1])

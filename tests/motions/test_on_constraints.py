@@ -19,6 +19,7 @@ from suslov_fast import (
     lyapunov_exponents,
     periodic_orbit,
 )
+from suslov_fast.motions import tangents
 
 
 def pendulum(friction=0.0, **parameters):
@@ -117,6 +118,25 @@ def test_equilibria_on_a_line():
     assert abs(found.eigenvalues).min() < 1e-9
 
 
+def blade():
+    """A blade that does not move sideways, on a slope."""
+    return Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[0],
+        "x y angle",
+        constraints=lambda q, v: v[0] * sin(q[2]) - v[1] * cos(q[2]),
+    )
+
+
+def wire():
+    """A damped pendulum on a wire with a center that moves."""
+    return Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1],
+        "x y",
+        constraints=lambda q, v, t: (q[0] - 0.3 * sin(t)) ** 2 + q[1] ** 2 - 1,
+        forces=lambda q, v: -0.4 * v,
+    )
+
+
 # ------------------------------------------------------------------------------ exponents
 def test_exponents_of_a_damped_pendulum():
     found = lyapunov_exponents(pendulum(0.4), at(1.0), time=200.0, transient=50.0)
@@ -139,12 +159,7 @@ def test_exponents_over_short_times_are_those_of_the_angle(R):
 
 def test_exponents_of_a_blade():
     """Rows without holonomic constraints: displacements are free, velocities are not."""
-    blade = Field.from_lagrangian(
-        lambda q, v: v @ v / 2 - q[0],
-        "x y angle",
-        constraints=lambda q, v: v[0] * sin(q[2]) - v[1] * cos(q[2]),
-    )
-    found = lyapunov_exponents(blade, [0, 0, 0, 0, 0, 1.0], time=20.0)
+    found = lyapunov_exponents(blade(), [0, 0, 0, 0, 0, 1.0], time=20.0)
     assert found.shape == (5,)
     by_hand = Field(lambda x: (x[3] * cos(x[2]), x[3] * sin(x[2]), x[4], -cos(x[2]), 0 * x[4]), 5)
     exact = lyapunov_exponents(by_hand, [0, 0, 0, 0, 1.0], time=20.0)
@@ -160,16 +175,50 @@ def test_exponents_of_a_batch_have_the_bits_of_single_ones():
 
 
 def test_exponents_with_constraints_in_time():
-    wire = Field.from_lagrangian(
-        lambda q, v: v @ v / 2 - q[1],
-        "x y",
-        constraints=lambda q, v, t: (q[0] - 0.3 * sin(t)) ** 2 + q[1] ** 2 - 1,
-        forces=lambda q, v: -0.4 * v,
-    )
-    x0 = wire.mechanics.projected([0.3, -1.0, 0, 0])
-    found = lyapunov_exponents(wire, x0, time=200.0, transient=50.0)
+    x0 = wire().mechanics.projected([0.3, -1.0, 0, 0])
+    found = lyapunov_exponents(wire(), x0, time=200.0, transient=50.0)
     assert_allclose(found, -0.2, atol=0.004)
     assert_allclose(found.sum(), -0.4, atol=0.001)  # areas differ from those of angles
+
+
+@pytest.mark.parametrize("time", [20.0, 2000.0])
+def test_exponents_of_a_stiff_pendulum_are_those_of_the_angle(time):
+    """In coordinates of the tangent space no direction off the constraints grows."""
+    found = lyapunov_exponents(pendulum(1000.0), at(2.0), time=time)
+    assert_allclose(found, lyapunov_exponents(by_angle(1000.0), [2.0, 0.0], time=time), rtol=1e-7)
+
+
+def test_exponents_of_a_stiff_chain():
+    """By angles, tangent vectors have other norms; areas do not depend on norms."""
+    chain = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[1] - q[3],
+        "x1 y1 x2 y2",
+        constraints=lambda q, v: (q[:2] @ q[:2] - 1, (q[2:] - q[:2]) @ (q[2:] - q[:2]) - 1),
+        forces=lambda q, v: -300.0 * v,
+    )
+    x0 = np.concatenate([at(2.0)[:2], np.add(at(2.0), at(-0.7))[:2], np.zeros(4)])
+    found = lyapunov_exponents(chain, x0, time=40.0)
+    assert_allclose(found.sum(), -600.0, rtol=1e-9)
+    assert_allclose(found, [0.0, 0.0, -300.0, -300.0], atol=0.05)
+
+
+@pytest.mark.parametrize("system", ["turning", "blade", "wire"])
+def test_frames_within_constraints_give_the_exponents_of_columns(system, monkeypatch):
+    """Here frames replace columns from the first segments on, also where nothing is stiff."""
+    if system == "turning":  # the tangent space turns many times
+        field, x0 = pendulum(0.1), at(0.0, 8.0)
+    elif system == "blade":
+        field, x0 = blade(), [0, 0, 0.3, cos(0.3), sin(0.3), 1.0]
+    else:
+        field, x0 = wire(), wire().mechanics.projected([0.3, -1.0, 0, 0])
+    expected = lyapunov_exponents(field, x0, time=20.0)
+    frames = []
+    with_frame = tangents.with_frame
+    monkeypatch.setattr(tangents, "with_frame", lambda *of: frames.append(of) or with_frame(*of))
+    monkeypatch.setattr(tangents, "_FEW", 1)
+    monkeypatch.setattr(tangents, "_PART", 2.0)
+    assert_allclose(lyapunov_exponents(field, x0, time=20.0), expected, atol=1e-7)
+    assert frames
 
 
 # ------------------------------------------------------------------------------ periodic orbits

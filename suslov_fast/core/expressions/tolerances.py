@@ -26,8 +26,9 @@ WORK_OF_FUNCTION = 40  # how many operations take the time of an elementary func
 ZERO_PIVOT = 2.0**-40
 MOST_MOVE_TO_LEVELS = 64.0  # a longer move to levels of integrals, in allowed errors, is left out
 # To constraints components move with weights w_j of at least LEAST_WEIGHT times the largest weight:
-# the allowed error of a component that is 0 but for rounding is next to nothing.
-LEAST_WEIGHT = 2.0**-20
+# the allowed error of a component that is 0 but for rounding is next to nothing. Such errors may
+# move other components, in small oscillations by up to 1 / LEAST_WEIGHT**2 times their own size.
+LEAST_WEIGHT = 2.0**-10
 # States are on the constraints if residuals are at most OFF_CONSTRAINTS times the sums of moduli of
 # their terms, or ROUNDING_OF_RESIDUALS times the largest of these sums.
 OFF_CONSTRAINTS, ROUNDING_OF_RESIDUALS = 1e-7, 1e-13

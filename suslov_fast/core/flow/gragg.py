@@ -87,18 +87,18 @@ class ExplicitColumns(FunctionCode):
 
     def add(self):
         lanes = Code(len(lanes_of(self.columns)), self.text.target)
-        inner, whole = self.narrower(), None
+        inner, all_columns = self.narrower(), None
         if self.f.products and self.text.W == 1 and len(self.functions) == 1:
             self.functions["f"].add(lanes, f"{self.name}_lanes", False)
-            whole = functools.partial(self.in_lanes, lanes)
+            all_columns = functools.partial(self.in_lanes, lanes)
         elif self.work_of_pair() <= MOST_UNROLLED and not self._have("calls_by_lane"):
-            whole = functools.partial(self.side_by_side, inner)
+            all_columns = functools.partial(self.side_by_side, inner)
         with self.text.function(f"{self.name}_columns", ("x", "f", "table", "work", "count")):
             self.of_a, self.of_b = map(self.text.listed, self.rows)
-            if whole is not None:
+            if all_columns is not None:
                 count = len(self.columns)
                 with self.text.when(Index(self.text, "%count").equals(count)):
-                    whole()
+                    all_columns()
                     self.text.leave("void")
             self.in_turn(inner)
 

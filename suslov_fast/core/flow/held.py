@@ -275,6 +275,31 @@ def _is_on_constraints(system, memory):
 
 
 @function
+def _take_all_steps(system, memory, is_relative):
+    """Take steps, explicit and implicit ones in turn, until the motion ends; return its state."""
+    plan, arguments = system.plan, memory[:_ARGUMENTS].view(np.int64)
+    state = np.int64(-1)
+    while state < _DONE:
+        code, work = system.address, plan[PLAN.work]
+        if is_relative:
+            code = plan[PLAN.first_again]
+        if state == _IMPLICIT:
+            code = plan[PLAN.implicit_again if is_relative else PLAN.implicit]
+            work = plan[PLAN.other]
+        arguments[SLOT.work] = memory.ctypes.data + 8 * work
+        arguments[SLOT.following] = 0
+        is_done = np.int64(0)
+        while is_done == 0:  # as `full` is 0, the code pauses after records of events
+            written = arguments[SLOT.recorded]
+            arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
+            is_done = call_code(code, (arguments.ctypes.data,))
+            if arguments[SLOT.recorded] == 0:
+                arguments[SLOT.recorded] = written
+        state = np.int64(memory[plan[PLAN.rows] + plan[PLAN.lane_state]])
+    return state
+
+
+@function
 def motion_of_one(system, x0, out, memory):
     """Write the state `time` after x0, or at a terminal event, to `out`; return its status."""
     plan, constants, arguments = system.plan, system.constants, memory[:_ARGUMENTS].view(np.int64)
@@ -301,24 +326,7 @@ def motion_of_one(system, x0, out, memory):
             return NONFINITE
         components = plan[PLAN.components_again] if tries > 0 else 0
         arguments[SLOT.components] = constants.ctypes.data + 8 * components
-        is_relative, state = 0 < tries < _WITHOUT, np.int64(-1)
-        while state < _DONE:
-            code, work = system.address, plan[PLAN.work]
-            if is_relative:
-                code = plan[PLAN.first_again]
-            if state == _IMPLICIT:
-                code = plan[PLAN.implicit_again if is_relative else PLAN.implicit]
-                work = plan[PLAN.other]
-            arguments[SLOT.work] = memory.ctypes.data + 8 * work
-            arguments[SLOT.following] = 0
-            is_done = np.int64(0)
-            while is_done == 0:  # as `full` is 0, the code pauses after records of events
-                written = arguments[SLOT.recorded]
-                arguments[SLOT.budget], arguments[SLOT.recorded] = _ENDLESS, 0
-                is_done = call_code(code, (arguments.ctypes.data,))
-                if arguments[SLOT.recorded] == 0:
-                    arguments[SLOT.recorded] = written
-            state = np.int64(x[plan[PLAN.lane_state]])
+        state = _take_all_steps(system, memory, 0 < tries < _WITHOUT)
         has_ended = (state == _ENDED) | (state == _TOO_MANY) | (state == _NO_VALUE)
         if tries == _WITHOUT or (state != _AGAIN and not (has_ended and tries > 0)):
             break

@@ -79,7 +79,7 @@ def rows_of_trajectory(integrator):
         outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
         weight=1,  # Illinois rule: weight of the end at `inner`, or minus the weight at `outer`
         rounds=1,  # number of lengths that a search for a surface has tried
-        whole=1,  # in a search for a surface: the next length if there were no surface
+        unlimited=1,  # in a search for a surface: the next length if there were no surface
         place=1,  # number of the next requested time, an integer
         trajectory=1,  # number of the trajectory, an integer
     )

@@ -81,6 +81,45 @@ class Branches(NamedTuple):
     jumps = property(lambda self: sum(each.parameters for each in self.conditions if each.jumps))
 
 
+def _part_before_0(a, b):
+    """Return the part of a line before 0, from the values a and b at its ends."""
+    return larger(smaller(a / (a - b), 1.0), 0.0)
+
+
+def _crossed_by_event(a, b, above, level, may_have_gap):
+    """Return whether a line from a to b crosses the surface of an event, and its part before that.
+
+    `above` and `level` are about the begin of the line, see the rows `side` of `flow.memory`.
+    """
+    a, b = a - level, b - level
+    change, crossing = (b >= 0.0) ^ (above > 0.5), _part_before_0(a, b)
+    if may_have_gap:
+        was_known, is_known = ~above.equals(GAP), b.equals(b)
+        change = (change & was_known & is_known) | (was_known ^ is_known)
+        crossing = (was_known & is_known).select(crossing, 0.5)
+    return change, crossing
+
+
+def _crossed(surface, b, number, of_table):
+    """Return whether the value b has another branch, this branch, and the level of the surface.
+
+    The branch is None for "floor", and the level is None if it is 0. number(k) is a value of f's
+    table at a place in `of_table`.
+    """
+    kind = surface.kind
+    if is_table(kind):
+        low, high = surface.interval(number, of_table)
+        is_above = b >= high
+        return (b < low) | is_above, b, is_above.select(high, low)
+    if kind == "floor":
+        choice = number(of_table[surface.number])
+        change = ~b.then("floor").equals(choice)
+        return change, None, choice + (b >= choice + 1.0).select(1.0, 0.0)
+    truth = b >= 0.0 if kind == "oge" else b.equals(0.0) if kind == "oeq" else b > 0.0
+    change = truth ^ (number(of_table[surface.number]) > 0.5)
+    return change, truth.select(1.0, 0.0), None
+
+
 def watch_of(f, events, surfaces):
     """Return the `Program` that finds the first surface on the line from a state x to a state y.
 
@@ -99,36 +138,17 @@ def watch_of(f, events, surfaces):
     values = Values(first + len(f.table), ())
     part, changes, of_kinks = 1.0, [], []
     for k, surface in enumerate(surfaces):
-        kind, a, b = surface.kind, values.number(k), values.number(count + k)
-        gap = kind == "event" and events.gaps[surface.number]
-        if kind == "event":
-            above, level = (values.number(2 * (count + surface.number) + n) for n in (0, 1))
-            a, b = a - level, b - level
-            change = (b >= 0.0) ^ (above > 0.5)
-        elif is_table(kind):
-            low, high = surface.interval(values.number, of_table)
-            is_above, branch = b >= high, b
-            change = (b < low) | is_above
-            level = is_above.select(high, low)
-            a, b = a - level, b - level
-        elif kind == "floor":
-            choice = values.number(of_table[surface.number])
-            change = ~b.then("floor").equals(choice)
-            level = choice + (b >= choice + 1.0).select(1.0, 0.0)
-            a, b = a - level, b - level
+        a, b = values.number(k), values.number(count + k)
+        if surface.kind == "event":
+            of_side = (values.number(2 * (count + surface.number) + n) for n in (0, 1))
+            change, crossing = _crossed_by_event(a, b, *of_side, events.gaps[surface.number])
         else:
-            truth = b >= 0.0 if kind == "oge" else b.equals(0.0) if kind == "oeq" else b > 0.0
-            change = truth ^ (values.number(of_table[surface.number]) > 0.5)
-            branch = truth.select(1.0, 0.0)
-        crossing = larger(smaller(a / (a - b), 1.0), 0.0)
-        if gap:
-            was_known, is_known = ~above.equals(GAP), b.equals(b)
-            change = (change & was_known & is_known) | (was_known ^ is_known)
-            crossing = (was_known & is_known).select(crossing, 0.5)
+            change, branch, level = _crossed(surface, b, values.number, of_table)
+            a, b = (a, b) if level is None else (a - level, b - level)
+            crossing = _part_before_0(a, b)
+            of_kinks += [] if surface.jumps else [branch.number]
         part = smaller(change.select(crossing, 1.0), part)
         changes.append(change)
-        if kind != "event" and not surface.jumps:
-            of_kinks.append(branch.number)
 
     def some(truths):
         if not truths:

@@ -148,7 +148,7 @@ def _jump(code, jumped):
         for i in code.text.each(code.integrator.D_of_surfaces):
             line.beyond.choose(back, i, code.work.start[i])
         # This starts a search for a surface within the time `ahead`, see `location`.
-        search = {"whole": line.wanted[0], "wanted": ahead, "outer": ahead}
+        search = {"unlimited": line.wanted[0], "wanted": ahead, "outer": ahead}
         code.keep(line, search | {"inner": 0.0, "weight": 0.0, "rounds": 0.0}, back)
 
 

@@ -87,7 +87,7 @@ class Search(NamedTuple):
     outer: Any  # length of a step that crosses it; infinity without a search
     weight: Any  # Illinois rule: weight of the end at `inner`, or minus that at `outer`
     rounds: Any  # number of lengths tried
-    whole: Any  # the next length if there were no surface
+    unlimited: Any  # the next length if there were no surface
 
 
 class FirstCrossing(NamedTuple):
@@ -186,7 +186,7 @@ def OUTCOME(before, t, taken, accepted, served, goal, left, ended, search: Searc
     lands = (arrives | (found.crosses & found.is_close & is_right)) & (served > 0.0)
     again = (found.hides & is_right & ~(cuts | arrives)) | found.has_waves
     holds = found.searched & is_right & ~(found.crosses | again | arrives)
-    holds = holds & (taken < larger(search.outer, 0.25 * search.whole)) & (t < goal)
+    holds = holds & (taken < larger(search.outer, 0.25 * search.unlimited)) & (t < goal)
     refused = cuts | holds | again
     moves = ~refused & (accepted + lands.select(1.0, 0.0) > 0.0) | ends
     return {
@@ -248,7 +248,8 @@ def NEXT_LENGTH(
     searches = outcome.cuts | outcome.holds
     forgets = ~searches & (taken > 0.0)
     after_surface = smaller(
-        search.whole, larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * search.whole)
+        search.unlimited,
+        larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * search.unlimited),
     )
     after_this = (outcome.moves & searched).select(after_surface, lane.wanted)
     after_this = (outcome.moves & is_long).select(smaller(after_this, shorter), after_this)
@@ -260,8 +261,8 @@ def NEXT_LENGTH(
         "outer": forgets.select(inf, search.outer),
         "weight": forgets.select(0.0, search.weight),
         "rounds": forgets.select(0.0, searches.select(search.rounds + 1.0, search.rounds)),
-        "whole": searched.select(
-            search.whole, is_long.select(smaller(lane.wanted, known), lane.wanted)
+        "unlimited": searched.select(
+            search.unlimited, is_long.select(smaller(lane.wanted, known), lane.wanted)
         ),
     }
 

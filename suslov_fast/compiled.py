@@ -194,10 +194,10 @@ def step_system(
     """Write the next state of x (D,) to `out` (D,), which may be x; return its Status.
 
     If there is no next state, the status is negative and `out` is NaN, so test ``status < 0``; for
-    a state that violates constraints of a field it is NONFINITE. The
-    positive status PASSED_POLE is for steps that pass a pole, except in three dimensions. Arrays of
-    another length raise a ValueError. Arrays of types other than float64 raise a TypeError when the
-    loop is compiled.
+    a state that violates constraints of a field it is NONFINITE. The positive status PASSED_POLE is
+    for steps that pass a pole, except in three dimensions. NOT_KEPT, positive too, is for motions
+    that do not keep a function of :meth:`Field.conserving`. Arrays of another length raise a
+    ValueError. Arrays of types other than float64 raise a TypeError when the loop is compiled.
     """
     _check(x, out)
     D, (dimension, memory) = system.dimension, uncounted(work)

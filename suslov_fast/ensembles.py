@@ -185,6 +185,8 @@ def _check_end(data: Any, goes_on: bool, store: Any) -> None:
     if failed.size:
         kinds = ", ".join(f"{(failed == k).sum()} {Status(k).name}" for k in np.unique(failed))
         texts.append(f"{failed.size} of {status.size} trajectories failed: {kinds}")
+    if unkept := (status == Status.NOT_KEPT).sum():
+        texts.append(f"{unkept} of {status.size} trajectories do not keep field.conserving(...)")
     if "first_pole" in data and (passed := (data.first_pole.values >= 0).sum()):
         texts.append(f"{passed} of {status.size} trajectories passed a pole before their end")
     if texts:

@@ -25,6 +25,8 @@ class Status(IntEnum):
     - `ENDED`, `SLIDING`, `ACCUMULATES`, `TOO_MANY_STEPS` (negative): a :class:`Motion` stops before
       the last time.
     - `STOPPED` (positive): an event ended a :class:`Motion`.
+    - `NOT_KEPT` (positive): a function that :meth:`Field.conserving` should keep changes along a
+      :class:`Motion`, or its gradient left no way to keep it.
     - `DEGENERATE` (positive), `NOT_FOUND` (negative): only of :func:`equilibria`.
 
     `message` explains the status in a sentence.
@@ -50,6 +52,7 @@ class Status(IntEnum):
     TOO_MANY_STEPS = status_codes.TOO_MANY_STEPS
     ACCUMULATES = status_codes.ACCUMULATES
     STOPPED = status_codes.STOPPED
+    NOT_KEPT = status_codes.NOT_KEPT
     DEGENERATE = status_codes.DEGENERATE
     NOT_FOUND = status_codes.NOT_FOUND
 
@@ -82,6 +85,10 @@ _MESSAGES = {
     ),
     Status.ACCUMULATES: "events follow one another without end, and no body comes to rest",
     Status.STOPPED: "finished: an event ended it",
+    Status.NOT_KEPT: (
+        "finished, but a function that field.conserving(...) should keep changes along f, or its "
+        "gradient left no way to keep it"
+    ),
     Status.DEGENERATE: (
         "an equilibrium at which f' is singular: a multiple root, as at a fold, or one of a family"
     ),

@@ -21,6 +21,7 @@ from ..core.hybrid.branches import with_fixed_branches
 from ..core.hybrid.event_formulas import EventAction, KeyedProgram, with_parameters
 from .equations import Equations
 from .names import labels
+from .proofs import unproved
 from .terms import Terms
 
 _ONE = np.arange(1)
@@ -50,14 +51,17 @@ def _with_constants(
     equations: Equations, wrt: Names, actions: Actions
 ) -> tuple[RightHandSide, tuple[float, ...]]:
     """Return the right-hand side, and values of its added parameters, which replace constants."""
-    first = len(equations.all_names)
+    first, tested = len(equations.all_names), unproved(equations)
     equations, constants = _without_constants(equations)
     actions, of_actions = with_parameters(actions, first, len(constants))
-    return _of_list(equations, wrt, actions, len(of_actions)), constants + of_actions
+    f = _of_list(equations, wrt, actions, len(of_actions), tested)
+    return f, constants + of_actions
 
 
 @lru_cache(64)
-def _of_list(equations: Equations, wrt: Names, actions: Actions, constants: int) -> RightHandSide:
+def _of_list(
+    equations: Equations, wrt: Names, actions: Actions, constants: int, tested: tuple[int, ...]
+) -> RightHandSide:
     """Return the right-hand side; `constants` is how many constants of `actions` are parameters."""
     kept = equations.invariants
     with_sums = wrt is not None and _has_branches_of_products(equations.products[0])
@@ -65,7 +69,7 @@ def _of_list(equations: Equations, wrt: Names, actions: Actions, constants: int)
     program = (equations.values, equations.results) if with_sums else equations.products
     values, results = in_order(program[0], [*program[1], *kept.operands], constants)
     D = len(equations.names)
-    results, kept = results[:D], kept._replace(operands=results[D:])
+    results, kept = results[:D], kept._replace(operands=results[D:], tested=tested)
     by = [len(equations.names) + equations.parameters.index(name) for name in wrt or ()]
     P = len(equations.parameters) + constants
     return with_fixed_branches(values, results, P, by, wrt is not None, actions, kept)
@@ -92,7 +96,7 @@ def _without_constants(equations: Equations) -> tuple[Equations, tuple[float, ..
     if any(is_table(name) or is_matrix(name) for name in names):
         return equations, ()
     count = len(equations.names) + len(equations.parameters)
-    invariants, constraints, positions = equations.invariants
+    invariants, constraints, positions, _ = equations.invariants
     program = KeyedProgram.of(equations.values, [*equations.results, *invariants])
     (form,), constants = with_parameters([EventAction(None, program, 0, 1)], count)
     values = Expressions(

@@ -13,7 +13,6 @@ from ..calls import Progress, reporter, thread_count
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
 from ..core.flow.batch_solver import SolverRequest
 from ..fields.field import system_of
-from ..fields.invariants import changes_of
 from ..fields.map import Map
 from ..keywords import public
 from ..maps.derivatives import growth
@@ -25,7 +24,7 @@ from . import motion_arguments
 from .event import EventLike
 from .events import actions_of, batch_of, checked_events, clocked, event_times_of
 from .integration import threads_for
-from .kept_integrals import warn_of_changes
+from .kept_integrals import warn_of_unkept
 from .tangents import exponents_of
 
 _SLIDING = {
@@ -150,9 +149,7 @@ def lyapunov_exponents(
     with reporter(progress, 1000) as report:
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
-    if changes := changes_of(body):
-        none, since = np.empty((0, *x.shape)), body._layout.times(x)
-        warn_of_changes(changes, body, x, batch, none, request.times[:0], since)
+    warn_of_unkept(ends.all_ends, batch, since=body._layout.times(x))
     causes = {**motion_arguments.causes_of(body), **_SLIDING}
     motion_arguments.warn_of_ends(ends, x, batch, causes=causes)
     return exponents.reshape(*batch, exponents.shape[1])

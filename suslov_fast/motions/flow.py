@@ -16,6 +16,7 @@ from ..core.flow.batch_solver import Settings, SolverRequest
 from ..fields.field import system_of
 from ..keywords import public
 from ..results.result import read_only, times_of, zeros_of
+from ..status import Status
 from .event import Event, EventLike
 from .events import batch_of, checked_events, clocked
 from .motion import Motion
@@ -196,7 +197,8 @@ def solved(
     if ends is not None:
         status, end, again = (a.reshape(batch) for a in (ends.status, ends.t, ends.repeated))
         motion["status"], motion["_again"] = read_only(status), read_only(again)
-        motion["end"] = read_only(np.where(status, end, motion["end"]))
+        finished = (status == Status.OK) | (status == Status.NOT_KEPT)
+        motion["end"] = read_only(np.where(finished, motion["end"], end))
     if type(request.settings.atol) is tuple:
         motion["atol"] = layout.leave_atol(request.settings.atol)
     if names:

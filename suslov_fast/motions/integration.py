@@ -16,7 +16,7 @@ from ..core.flow.batch_solver import COLUMNS, BatchSolver, SolverRequest, closer
 from ..core.flow.growing_components import TRIES
 from ..core.flow.held import STATUS as STATUS
 from ..core.flow.integrator import Integrator
-from ..core.flow.memory import LaneState
+from ..core.flow.memory import UNKEPT, LaneState
 from ..core.flow.small_batches import solve_small_batch
 from ..core.flow.tolerances import SAME_END
 from ..fields.right_hand_sides import OfMembers
@@ -130,6 +130,7 @@ class Ends(NamedTuple):
     status: NDArray[np.int8]  # (B,)
     doubtful: NDArray[np.int8]  # (B,), `FELL` or `NO_DIGITS`, else 0
     repeated: NDArray[np.int8]  # (B,), 1 if computed again after an alarm (lost digits), else 0
+    unkept: FloatArray  # (B, UNKEPT), results of tests of first integrals, with moduli of times
 
 
 class SolverResult(NamedTuple):
@@ -137,7 +138,8 @@ class SolverResult(NamedTuple):
 
     states: FloatArray  # (n, B, D), NaN where a solution has ended
     columns: dict[str, NDArray[Any]]  # {name in `COLUMNS`: array (B,)}
-    ends: Ends | None = None  # None only if no trajectory ended early, was repeated or is doubtful
+    # None only if no trajectory ended early, was repeated, is doubtful or has changed an integral.
+    ends: Ends | None = None
     records: Any = None  # `Records` or `Rows`, if there are events
     derivatives: Any = None  # (n, B, D, C), by C variables, if they are asked for
     is_stopped: bool = False  # whether `report` ended the run
@@ -146,7 +148,7 @@ class SolverResult(NamedTuple):
     def all_ends(self) -> Ends:
         """The `Ends`, also if all trajectories have reached the last time."""
         B = self.states.shape[1]
-        return self.ends or Ends(np.full(B, np.nan), *np.zeros((3, B), np.int8))
+        return self.ends or _ends(np.full(B, np.nan), np.zeros(B, np.int8))
 
     def without_steps(self, has_no_value: NDArray[np.bool_]) -> SolverResult:
         """Return a copy in which trajectories `has_no_value` (B,) end at x0, and no others."""
@@ -184,6 +186,12 @@ class SolverResult(NamedTuple):
         return self.with_part(where, part, chosen)
 
 
+def _ends(t: FloatArray, status: NDArray[np.int8]) -> Ends:
+    """Return `Ends` without a doubt."""
+    doubtful, repeated = np.zeros((2, len(t)), np.int8)
+    return Ends(t, status, doubtful, repeated, np.zeros((len(t), UNKEPT)))
+
+
 def empty_result(starts: FloatArray, count: int) -> SolverResult:
     """Return the result before any step: states at `count` times are NaN."""
     B = len(starts)
@@ -191,7 +199,7 @@ def empty_result(starts: FloatArray, count: int) -> SolverResult:
     return SolverResult(
         states=np.full((count, *starts.shape), np.nan),
         columns={name: np.zeros(B, kind) for name, (_, kind) in COLUMNS.items()},
-        ends=Ends(np.zeros(B), status, *np.zeros((2, B), np.int8)),
+        ends=_ends(np.zeros(B), status),
         records=Rows([], 1, starts),
     )
 
@@ -280,13 +288,17 @@ def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
     """Return the `SolverResult` of a run from `starts` (B, D)."""
     records = _rows_of(engine.records, starts, engine.request)
     ends_early = np.count_nonzero(engine.state != LaneState.DONE) or engine.is_stopped
-    if not (ends_early or np.count_nonzero(engine.doubtful)):
+    is_unkept = engine.unkept.any(axis=1)
+    if not (ends_early or np.count_nonzero(engine.doubtful) or np.count_nonzero(is_unkept)):
         return SolverResult(engine.states, engine.columns, records=records)
+    status = STATUS[engine.state]
+    status[(status == Status.OK) & is_unkept] = Status.NOT_KEPT
     ends = Ends(
         t=np.where(engine.state == LaneState.DONE, np.nan, engine.request.sign * engine.t),
-        status=STATUS[engine.state],
+        status=status,
         doubtful=FELL * engine.doubtful,
         repeated=np.zeros(len(starts), np.int8),
+        unkept=engine.unkept,
     )
     return SolverResult(engine.states, engine.columns, ends, records, is_stopped=engine.is_stopped)
 

@@ -1,4 +1,4 @@
-"""Warnings of first integrals that change along motions, see `fields.invariants`."""
+"""Warnings of first integrals that motions do not keep, see `core.flow.projection`."""
 
 from __future__ import annotations
 
@@ -6,48 +6,32 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, first_index, spell, warn
-from ..fields.invariants import Changes
+from ..checks import first_index, spell, warn
+from ..status import IntegrationWarning
+from .integration import Ends
 
-_MOST = 24  # the most saved states of each trajectory that are tested
 
+def warn_of_unkept(ends: Ends, batch: tuple[int, ...], sign: int = 1, since: Any = 0.0) -> None:
+    """Warn once of integrals that changed along motions, or whose projections were left out.
 
-def warn_of_changes(
-    changes: Changes,
-    field: Any,
-    starts: FloatArray,
-    batch: tuple[int, ...],
-    states: Any,
-    times: FloatArray,
-    since: Any = 0.0,
-) -> None:
-    """Warn once if integrals that a field keeps change at `starts` (B, D) or `states` (n, B, D).
-
-    `since` is the time t at the starts, a number or (B,).
+    `since` is the time t at the starts, a number or (B,). Motions that failed do not count.
     """
-    if not len(starts):
-        return
-    kept = np.arange(len(times))
-    if len(times) > _MOST:
-        kept = np.linspace(0, len(times) - 1, _MOST).astype(int)
-    x = np.concatenate([starts[np.newaxis], states[kept]]).transpose(2, 0, 1)
-    shape = len(kept) + 1, *batch
-    is_wrong = changes.are_wrong(x.reshape(-1, *shape), _parameters(field, len(batch)))
-    if not is_wrong.any():
-        return
-    k, n, *index = first_index(is_wrong)
-    count = np.count_nonzero(is_wrong.any(axis=(0, 1)))
-    start = np.broadcast_to(since, len(starts)).reshape(batch)[tuple(index)]
-    t = start + [0.0, *times[kept]][n]
-    where = f"first: trajectory {spell(tuple(index))} at t = {t:g}"
-    warn(
-        f"integrals: function {changes.which[k]} changes along f in {count} of {len(starts)} "
-        f"solutions ({where}), "
-        "which keep it all the same: leave it out of field.conserving(...)"
-    )
-
-
-def _parameters(field: Any, axes: int) -> FloatArray:
-    """Return the parameters (P, 1, ...) of a field for a batch of so many axes."""
-    given: FloatArray = field._inputs
-    return given.reshape(len(given), *(1,) * (axes - given.ndim + 2), *given.shape[1:])
+    number, changed_at, left_at = ends.unkept.T
+    exists = ends.status >= 0
+    changes = exists & (number > 0.0)
+    is_left = exists & (left_at > 0.0) & ~changes
+    texts = []
+    for marked, at, text, how in (
+        (changes, changed_at, "function {} changes along f", "leave it out"),
+        (is_left, left_at, "functions could not be kept", "pass a smaller rtol"),
+    ):
+        if not marked.any():
+            continue
+        first = int(np.argmax(marked))
+        t = np.broadcast_to(since, marked.shape)[first] + sign * at[first]
+        index = spell(first_index(marked.reshape(batch)))
+        count = f"{np.count_nonzero(marked)} of {marked.size} solutions"
+        where = f"(first: trajectory {index} at t = {t:g})"
+        texts.append(f"{text.format(int(number[first]) - 1)} in {count} {where}: {how}")
+    if texts:
+        warn(f"field.conserving: {'; '.join(texts)}", IntegrationWarning)

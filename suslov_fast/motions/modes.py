@@ -36,7 +36,7 @@ from .sensitivities import with_derivatives
 def _with_modes(equations: Equations, actions: tuple[EventAction, ...], sign: int) -> Any:
     """Return equations with modes, as `Equations` and `SlidingEquations`; None without any mode."""
     D, P = len(equations.names), len(equations.parameters)
-    rows, count, positions = invariants = equations.invariants
+    rows, count, positions, _ = invariants = equations.invariants
     modes = SlidingEquations(equations.values, equations.results, D, P, actions, sign, invariants)
     if not modes.size:
         return None

@@ -16,14 +16,13 @@ from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
 from ..fields.constraints import check_constraints, constraints_of
 from ..fields.field import Field, system_of
-from ..fields.invariants import changes_of
 from ..fields.map import Map
 from ..keywords import public
 from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
 from .event import Event, EventLike
 from .events import Derivatives, checked_events, clocked
-from .kept_integrals import warn_of_changes
+from .kept_integrals import warn_of_unkept
 from .motion_arguments import checked_derivatives, checked_settings
 from .periodic_orbit_results import OrbitDerivatives, PeriodicOrbit, each_of, joined
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
@@ -191,14 +190,9 @@ def _orbit(
         search = _one_turn(search)
         acts = any(event.to is not None for event in acting)  # events may change integrals of f
         orbit = _result(search, 0 if acts else _integrals(body))
-        if changes := changes_of(
-            field
-        ):  # integrals may change near x0 alone, if the result is at rest
-            looks = search.T * _LOOKS
-            states = np.concatenate([motion.states(each, looks) for each in (x, orbit.state)])
-            since = body._layout.times(x)
-            twice = np.tile(looks, 2)
-            warn_of_changes(changes, field, x[np.newaxis], (), states[:, None], twice, since)
+        # Integrals may change near x0 alone, if the result is at rest.
+        ends = motion.ends(np.stack([x, orbit.state]), search.T)
+        warn_of_unkept(ends, (2,), since=body._layout.times(x))
         orbit = orbit._replace(
             state=body._layout.leave(orbit.state), derivatives=_derivatives(search, names)
         )

@@ -26,7 +26,7 @@ from ..fields.mechanics import near_constraints
 from ..fields.right_hand_sides import with_events
 from .event import Event
 from .events import actions_of, event_times_of
-from .integration import SolverResult, to_tolerance
+from .integration import Ends, SolverResult, to_tolerance
 from .sensitivities import with_derivatives
 from .tangent_spaces import block_diagonal, tangent_basis, within
 
@@ -109,6 +109,10 @@ class FieldFlow:
     def states(self, x: FloatArray, times: Any) -> FloatArray:
         """Return the states (n, D) of the motion from x at times, all 0 or later."""
         return self._solved(x[np.newaxis], times).states[:, 0]
+
+    def ends(self, x: FloatArray, time: float) -> Ends:
+        """Return the `Ends` of the motions from x (B, D) over a time."""
+        return self._solved(x, [time]).all_ends
 
     def has_force_of(self, x: FloatArray, period: float) -> bool:
         """Return True if `period` is a period of the force: a motion a period later is the same."""

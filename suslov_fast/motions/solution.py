@@ -13,7 +13,6 @@ from ..checks import FloatArray
 from ..core.flow.batch_solver import SolverRequest
 from ..core.hybrid.event_formulas import EventAction
 from ..fields.field import Field
-from ..fields.invariants import changes_of
 from ..fields.right_hand_sides import with_events
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
@@ -21,7 +20,7 @@ from . import motion_arguments
 from .event import Event
 from .events import actions_of, event_times_of, starts_at_rest
 from .integration import SolverResult, empty_result, to_tolerance
-from .kept_integrals import warn_of_changes
+from .kept_integrals import warn_of_unkept
 from .modes import Sliding, are_stuck
 from .sensitivities import with_derivatives
 
@@ -46,13 +45,11 @@ def solution(
             if report is not None and total and not result.is_stopped:
                 # The engine may report less: it counts equal times once, no states after an end.
                 report(total)
-    if system._quantities and (changes := changes_of(system)):
-        since = system._layout.times(x)
-        warn_of_changes(changes, system, x, batch, result.states, request.times, since)
     if result.ends is not None:
         causes = motion_arguments.causes_of(system)
         motion_arguments.warn_of_ends(result, x, batch, request.settings.atol, causes)
         motion_arguments.warn_of_lost_components(system, result, batch)
+        warn_of_unkept(result.ends, batch, request.sign, system._layout.times(x))
     return result, phases
 
 

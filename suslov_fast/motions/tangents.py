@@ -33,7 +33,7 @@ from ..core.expressions.variational import variational
 from ..core.flow import batch_solver
 from ..core.flow.batch_solver import BatchSolver, EventTimes, SolverRequest
 from ..core.flow.growing_components import TRIES
-from ..core.flow.memory import LaneState
+from ..core.flow.memory import UNKEPT, LaneState
 from ..core.hybrid.event_formulas import EventAction, components_of
 from ..fields.constraints import constraints_of
 from ..fields.right_hand_sides import with_events
@@ -106,7 +106,8 @@ def exponents_of(
 
         goes_on = run.through(transient, time, told)
         exponents[where] = run.exponents()
-        result.all_ends.t[where], result.all_ends.status[where] = run.t, run.status
+        ends = result.all_ends
+        ends.t[where], ends.status[where], ends.unkept[where] = run.t, run.status, run.unkept
         before += share * total
         if not goes_on:
             break
@@ -182,7 +183,7 @@ class _Run:
             _slowest_first_in(*spaces.coordinates(x), slopes) if spaces else _slowest_first(slopes)
         )
         self.status = np.where(np.isnan(x[:, 0]), Status.NONFINITE, Status.OK).astype(np.int8)
-        self.t = np.zeros(len(x))
+        self.t, self.unkept = np.zeros(len(x)), np.zeros((len(x), UNKEPT))
         self.lost, self.again = np.zeros(x.shape), np.zeros(len(x), bool)
         self.tried, self.acts = 0, True  # how many of `TRIES` this run follows, see `_repeat`
         self.begin()
@@ -217,7 +218,7 @@ class _Run:
         run.tried, run.acts = self.tried + 1, own.acts
         run.lost[:] = own.marks(self.lost[which])
         goes_on = run.through(transient, time, report)
-        for name in ("logs", "duration", "dead", "t", "status"):
+        for name in ("logs", "duration", "dead", "t", "status", "unkept"):
             getattr(self, name)[which] = getattr(run, name)
         return goes_on
 
@@ -363,6 +364,10 @@ class _Run:
         ends = engine.state == LaneState.AGAIN
         self.again[which[ends]], self.status[which[ends]] = True, Status.TOO_MANY_STEPS
         self.lost[which[ends]] = engine.lost[ends]
+        if self.f.left_out:
+            shift = np.array([0.0, 1.0, 1.0]) * self.t[which, np.newaxis]
+            found = np.where(engine.unkept > 0.0, engine.unkept + shift, 0.0)
+            self.unkept[which] = np.where(self.unkept[which] > 0.0, self.unkept[which], found)
         return engine
 
     def _event_times_of(self, which: NDArray[np.int64]) -> EventTimes | None:

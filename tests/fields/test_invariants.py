@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from suslov_fast import Event, Field, flow
-from suslov_fast.fields.invariants import changes_of
+from suslov_fast.fields.proofs import changes_of
 
 
 def oscillator(c):

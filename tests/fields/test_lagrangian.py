@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.special import ellipk
 
 from suslov_fast import Field, IntegrationWarning, Suslov3D, flow
-from suslov_fast.fields.invariants import changes_of
 from suslov_fast.fields.lagrangian import velocity
+from suslov_fast.fields.proofs import changes_of
 
 cos, sin = np.cos, np.sin
 

@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from suslov_fast import Event, Field, crossings, flow, lyapunov_exponents, periodic_orbit
+from suslov_fast import (
+    Event,
+    Field,
+    IntegrationWarning,
+    Status,
+    compiled,
+    crossings,
+    ensemble,
+    flow,
+    load,
+    lyapunov_exponents,
+    periodic_orbit,
+)
 
 
 def pendulum():
@@ -187,20 +199,20 @@ def test_integrals_that_change_later():
     )
     kept = field.conserving(energy)
     flow(kept.with_parameters(k=[1.0, 2.0, 3.0]), [1.0, 0.0], time=[0.0, 1.0])  # no warning
-    with pytest.warns(UserWarning, match="function 0 changes along f in 1 of 1"):
+    with pytest.warns(IntegrationWarning, match="function 0 changes along f in 1 of 1"):
         flow(kept.with_parameters(c=1e-8), [40.0, 0.0], time=1.0)
     with pytest.warns(
-        UserWarning, match=r"in 2 of 6 solutions \(first: trajectory \(0, 2\) at t = 1"
+        IntegrationWarning, match=r"in 2 of 6 solutions \(first: trajectory \(0, 2\) at t = 0"
     ):
         flow(kept.with_parameters(k=[[1.0], [2.0]], c=[0, 0, 1e-3]), [40.0, 0.0], time=1.0)
     pulse = Field(
         lambda x: (x[1], -x[0] + np.where(x[2] > 8, 0.02 * x[1], 0), 1.0), "q p t"
     ).conserving(lambda x: x[0] ** 2 + x[1] ** 2)
     flow(pulse, [1.0, 0.0, 0.0], time=7.0)  # no warning
-    with pytest.warns(UserWarning, match=r"at t = 9\)"):
+    with pytest.warns(IntegrationWarning, match=r"at t = 8\)"):
         flow(pulse, [1.0, 0.0, 0.0], time=[7.0, 9.0, 11.0])
     damped = kept.with_parameters(c=0.1)
-    with pytest.warns(UserWarning, match="function 0 changes"):
+    with pytest.warns(IntegrationWarning, match="function 0 changes"):
         lyapunov_exponents(damped, [40.0, 20.0], time=1.0)
 
     def swings(t, y):
@@ -208,6 +220,117 @@ def test_integrals_that_change_later():
         return y[1], -(2 + c * np.cos(3 * t)) * y[0] - c * y[1]
 
     swing = Field(swings, "q p").conserving(lambda x: 2 * x[0] ** 2 + x[1] ** 2)
-    with pytest.warns(UserWarning, match=r"function 0 changes .* at t = 32\)"):
+    with pytest.warns(IntegrationWarning, match=r"function 0 changes .* at t = 32\)"):
         rest = periodic_orbit(swing, [0.1, 0.1], period=2 * np.pi / 3, t0=32.0)
     assert_allclose(rest.state, 0, atol=1e-12)  # where no integral changes
+
+
+def square(x):
+    return x[0] ** 2 + x[1] ** 2
+
+
+def pulsed():
+    """The square grows by a factor exp(.02) or so while t is between 8 and 9."""
+    return Field(
+        lambda t, x: (x[1], -x[0] + np.where((t > 8) & (t < 9), 0.02 * x[1], 0)), "q p"
+    ).conserving(square)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-5, 1e-8, 1e-11])
+def test_pulses_between_saved_states(rtol, tmp_path):
+    field, x0, at = (
+        pulsed(),
+        [[1.0, 0.0], [0.0, 0.0], [0.0, 0.5]],
+        r"first: trajectory 0 at t = 8\)",
+    )
+    with pytest.warns(IntegrationWarning, match=f"function 0 .* 2 of 3 solutions .{at}"):
+        motion = flow(field, x0, time=[0.0, 20.0], rtol=rtol)
+    assert motion.status.tolist() == [Status.NOT_KEPT, Status.OK, Status.NOT_KEPT]
+    assert motion.ok.all()
+    assert (motion.end == 20).all()
+    motion.save(tmp_path / "motion.npz")
+    assert_array_equal(load(tmp_path / "motion.npz").status, motion.status)
+    with pytest.warns(IntegrationWarning, match=r"t = 9\)"):
+        back = flow(field, x0[0], time=[0.0, -20.0], t0=20.0, rtol=rtol)
+    assert (back.status, back.end) == (Status.NOT_KEPT, -20.0)
+    with pytest.warns(IntegrationWarning, match="2 of 3 solutions"):
+        flow(field, x0, time=20.0, rtol=rtol, derivatives="x0")
+    with pytest.warns(IntegrationWarning, match="function 0"):
+        hits = crossings(field, x0[0], "q", time=20.0, most=6, rtol=rtol)
+    assert hits.status == Status.STOPPED
+    with pytest.warns(IntegrationWarning, match="2 of 3 trajectories do not keep"):
+        data = ensemble(
+            field, np.array(x0), tmp_path / "store", time=[0.0, 20.0], chunks=2, rtol=rtol
+        )
+    assert_array_equal(data.status, motion.status)
+    system = compiled.system(field, time=20.0, rtol=rtol)
+    found, out = [], np.empty(3)
+    for x in x0:
+        memory = compiled.work(system)
+        found.append(compiled.step_system(system, np.array([*x, 0.0]), out, memory))
+    assert found == motion.status.tolist()
+
+
+def test_pulses_in_long_steps_are_seen_at_all_sizes():
+    """The pulse is one step, or a few; a pulse of 1e-9 changes the square by 1e-9 or so."""
+    field = Field(
+        lambda t, x, c: (x[1], -x[0] + np.where((t > 8) & (t < 9), c * x[1], 0)), "q p", c=0.0
+    ).conserving(square)
+    c = [0.0, 1e-9, -1e-7, 1e-5, 1e-3, 0.1]
+    for rtol in (1e-3, 1e-6, 1e-9, 1e-12):
+        with pytest.warns(IntegrationWarning, match="5 of 6"):
+            motion = flow(field.with_parameters(c=c), [1.0, 0.0], time=[0.0, 20.0], rtol=rtol)
+        assert motion.status.tolist() == [Status.OK] + 5 * [Status.NOT_KEPT]
+
+
+def test_projections_that_are_left_out():
+    """At rtol = 1e-2 populations fall so far that steps to the integral would change their sign."""
+    integral = lambda x: x[0] - np.log(x[0]) + x[1] - np.log(x[1])  # noqa: E731
+    field = Field(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), "u v").conserving(integral)
+    x0 = 10.0 ** np.random.default_rng(0).uniform(-6.0, 1.0, (300, 2))
+    with pytest.warns(IntegrationWarning, match="functions could not be kept in .* of 300"):
+        motion = flow(field, x0, time=np.linspace(0.0, 60.0, 200), rtol=1e-2)
+    left_out = motion.status == Status.NOT_KEPT
+    assert 1 <= left_out.sum() <= 150
+    x, w = motion.final.T, 1e-2 * motion.states.max(axis=0).T
+    allowed = abs(1 - 1 / x) * w + abs(1 - 1 / (x + w)) * w + abs(1 - 1 / (x - w)) * w
+    change = abs(integral(x) - integral(x0.T))
+    assert (change < allowed.sum(axis=0))[~left_out].all()
+    motion = flow(field, x0, time=60.0, rtol=1e-6)
+    assert (motion.status == Status.OK).all()
+    assert abs(integral(motion.final.T) - integral(x0.T)).max() < 1e-7
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-7, 1e-10, 1e-13])
+def test_integrals_that_are_kept_cause_no_warning(rtol):
+    """Equilibria, states near them, circular orbits, L = 0, dependent integrals: no alarm."""
+    rng = np.random.default_rng(2)
+    near = 10.0 ** -np.arange(1.0, 17.0)
+    starts = np.stack([np.pi + near, 0 * near], axis=-1)
+    starts = np.concatenate([starts, starts[:, ::-1] * near[:, np.newaxis], [[0.0, 0.0], [1.0, 0]]])
+    assert (flow(pendulum().conserving(), starts, time=50.0, rtol=rtol).status == Status.OK).all()
+    shifted = Field(lambda x: (x[1], 1 - x[0]), "q p").conserving(
+        lambda x: square((x[0] - 1, x[1]))
+    )
+    starts[:, 0] += 1.0
+    assert (flow(shifted, starts, time=50.0, rtol=rtol).status == Status.OK).all()
+    e = np.array([0.0, *near, 0.3, 0.9])
+    orbits = np.stack([1 - e, 0 * e, 0 * e, np.sqrt((1 + e) / (1 - e))], axis=-1)
+
+    def energy(x):
+        return (x[2] ** 2 + x[3] ** 2) / 2 - 1 / np.sqrt(square(x))
+
+    def axis(x):
+        return x[3] * angular_momentum(x) - x[0] / np.sqrt(square(x))
+
+    for integrals in ([energy], [energy, angular_momentum], [energy, angular_momentum, axis]):
+        motion = flow(kepler().conserving(*integrals), orbits, time=[0.0, 20.0, 40.0], rtol=rtol)
+        for each in integrals:
+            values = each(np.moveaxis(motion.states, -1, 0))
+            assert abs(values - values[0]).max() < 4 * rtol
+        assert (motion.status == Status.OK).all()
+    jumps = Field(lambda x: (x[1], -np.sign(x[0])), "q p").conserving(
+        lambda x: x[1] ** 2 / 2 + abs(x[0])
+    )
+    x0 = rng.normal(size=(300, 2))
+    assert (flow(jumps, x0, time=20.0, rtol=rtol).status == Status.OK).all()

@@ -240,7 +240,7 @@ BESIDE_FORMULAS = {
     "core/flow/events/branch_choice": "_BEFORE",
     "core/flow/growing_components": "RELATIVE",
     "core/flow/held": "OF_ANOTHER _ENDLESS",
-    "core/flow/memory": "BEGINS",
+    "core/flow/memory": "BEGINS UNKEPT",
     "core/hybrid/double_crossings": "MIDDLE",
     "core/hybrid/event_formulas": "GAP OF_SURFACE",
 }

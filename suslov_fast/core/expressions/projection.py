@@ -7,9 +7,11 @@ x <- x - W J^T (J W J^T)**-1 (I(x) - c).
 Constraints of mechanics come first: a step moves coordinates q alone to g(q) = 0, and a step moves
 velocities v alone to phi(q, v) = 0. If there are first integrals, a step with all invariants
 follows. An integral that depends on the invariants before it, up to rounding, is left out: its
-pivot is ZERO_PIVOT of its diagonal entry or less. This last step is left out if it is longer than
-MOST_MOVE_TO_LEVELS allowed errors, or changes a sign that f keeps, as near states where J loses
-rank.
+pivot is ZERO_PIVOT of its diagonal entry or less, or its rounding error, ROUNDING_OF_INTEGRALS of
+the moduli of I_j x_j, would move x by more than the allowed errors. This last step is left out if
+it is longer than MOST_MOVE_TO_LEVELS allowed errors, or changes a sign that f keeps, as near states
+where J loses rank. Then `left_out_of` tells if I - c is larger than the change of I by the allowed
+errors. Functions that are not proved to be first integrals are tested along f, too (`changes_of`).
 
 Constraints must be independent along the motion: the matrix A = phi_v must keep its rank. Let A_0
 and A_1 be A at the ends of a step, and c_a and p_a the pivots of A_0 A_1^T and A_1 A_1^T. If the
@@ -17,17 +19,24 @@ step passes a state where A loses rank, a pivot c_a has the wrong sign. If it en
 state, c_a / p_a - 1 is about its length over the distance that is left.
 """
 
+import functools
+import operator
 from typing import Any, NamedTuple
 
 from .programs import Expressions, dot, emitted, program_of
+from .rounding import sizes_in
 from .symbolic_elimination import elimination_order
 from .tolerances import (
     CANCELLED_BY_PROJECTION,
+    CHANGE_OF_INTEGRALS,
     FALL_OF_RANK,
     LEAST_WEIGHT,
     MOST_MOVE_TO_LEVELS,
     NEAR_LOSS_OF_RANK,
     OFF_CONSTRAINTS,
+    PART_OF_CHANGE,
+    ROUNDING_OF_CHANGES,
+    ROUNDING_OF_INTEGRALS,
     ROUNDING_OF_PIVOTS,
     ROUNDING_OF_RESIDUALS,
     ZERO_PIVOT,
@@ -41,11 +50,13 @@ class Kept(NamedTuple):
     operands     their values
     constraints  how many of them are constraints
     positions    how many components, the first ones, are coordinates
+    tested       numbers of the first integrals that are not proved, which steps test
     """
 
     operands: Any = ()
     constraints: int = 0
     positions: int = 0
+    tested: tuple[int, ...] = ()
 
 
 NOTHING = Kept()
@@ -90,14 +101,17 @@ class _Formulas:
         least = LEAST_WEIGHT * joined("max", w.values()) if w else None
         return {j: larger(a, least) for j, a in w.items()}
 
-    def moves(self, r, J, w):
+    def moves(self, r, J, w, noise=()):
         """Return {j: the move of component j in units of w[j]} for I - c = r, and their square.
 
-        All are `Number`s. The square is the sum of their squares, r . mu.
+        All are `Number`s. The square is the sum of their squares, r . mu. Pivots of the last rows
+        are larger than the `Number`s in `noise`.
         """
         emit = self.values.emit
         scaled = [{j: emit("fmul", slope, w[j]) for j, slope in row.items()} for row in J]
-        elimination = _Elimination(self.values, scaled, scaled)
+        first = len(J) - len(noise)
+        noise = {first + k: a for k, a in enumerate(noise)}
+        elimination = _Elimination(self.values, scaled, scaled, noise)
         mu, moves = elimination.solution(r), {}
         for j in sorted({j for row in J for j in row}):
             pairs = [(row[j], mu[a]) for a, row in enumerate(scaled) if j in row]
@@ -109,11 +123,13 @@ class _Formulas:
 class _Elimination:
     """The elimination in G = A B^T, for rows A and B {j: operand} with the same places.
 
+    `noise` is {row: the least pivot}, if this is more than LEAST.
+
     pivots, diagonal  operands, in the order of elimination
     """
 
-    def __init__(self, values, A, B):
-        self.values, emit, k = values, values.emit, len(A)
+    def __init__(self, values, A, B, noise=()):
+        self.values, emit, k, self.noise = values, values.emit, len(A), dict(noise)
         self.is_symmetric, self.G = A is B, [{} for _ in A]
         for a in range(k):
             for b in range(a if A is B else 0, k):
@@ -134,7 +150,10 @@ class _Elimination:
         """Subtract multiples of row a from the rows that follow it in the order."""
         G, emit, number = self.G, self.values.emit, self.values.number
         pivot, least = number(G[a][a]), number(self.diagonal[n]) * ZERO_PIVOT
-        inverse = (pivot > least).select(1.0 / pivot, 0.0).number
+        exists = pivot > least
+        if a in self.noise:
+            exists = exists & (pivot > self.noise[a])
+        inverse = exists.select(1.0 / pivot, 0.0).number
         later = [b for b in self.order[n + 1 :] if b in G[a]]
         factors = [emit("fmul", G[b][a], inverse) for b in later]
         for m, (b, factor) in enumerate(zip(later, factors, strict=True)):
@@ -158,7 +177,11 @@ class _Elimination:
 
 
 def projection_of(f):
-    """Return the `Program` that projects x, and reads x, w (D each), c, and f's table."""
+    """Return the `Program` that projects x, and reads x, w (D each), c, and f's table.
+
+    If there are first integrals, x is followed by 1 if I - c of any was larger than the change of I
+    by the allowed errors w, else 0; then by I - c of the integrals `f.tested`.
+    """
     D, k = f.D, f.invariants_count
     formulas, x = _Formulas(f, 2 * D + k), [*range(D)]
     number, allowed = formulas.values.number, range(D, 2 * D)
@@ -172,7 +195,9 @@ def projection_of(f):
     if k > f.constraints_count:
         values, J = formulas.at(x, range(k), range(D))
         r = [formulas.values.emit("fsub", a, 2 * D + n) for n, a in enumerate(values)]
-        parts, square = formulas.moves(r, J, allowed)
+        emit, integrals = formulas.values.emit, range(f.constraints_count, k)
+        noise = [_terms(formulas.values, J[a], x) * ROUNDING_OF_INTEGRALS for a in integrals]
+        parts, square = formulas.moves(r, J, allowed, [a * a for a in noise])
         is_right, new = square <= MOST_MOVE_TO_LEVELS * MOST_MOVE_TO_LEVELS, {}
         for j, part in parts.items():
             new[j] = number(x[j]) - part * number(allowed[j])
@@ -180,7 +205,84 @@ def projection_of(f):
                 is_right = is_right & (new[j] * number(x[j]) >= 0.0)
         for j, a in new.items():
             x[j] = is_right.select(a, number(x[j])).number
+        is_far = []
+        for a in integrals:
+            changes = [emit("fmul", slope, allowed[j]) for j, slope in J[a].items()]
+            square = dot(emit, zip(changes, changes, strict=True), 0.0)
+            is_far.append(number(r[a]) * number(r[a]) > number(square))
+        x += [_any(is_far), *(r[integrals[a]] for a in f.tested)]
     return program_of(formulas.values.operations, x)
+
+
+def _terms(values, row, x):
+    """Return the sum of moduli of the products of entries {j: operand} and operands x[j]."""
+    terms = [abs(values.number(a) * values.number(x[j])) for j, a in row.items()]
+    return joined("fadd", terms or [values.number(0.0)])
+
+
+def _any(truths):
+    """Return the operand of a number: 1 if any of these truth values is true, else 0."""
+    return functools.reduce(operator.or_, truths).select(1.0, 0.0).number
+
+
+def left_out_of(f):
+    """Return the `Program` that tests if the projection to x has left out an integral.
+
+    Inputs are those of the projection. The result is 1 if I - c is larger than rounding and the
+    change of I by the allowed errors w, with the gradients at x, and at x + w and x - w; else 0.
+    """
+    D, rows = f.D, range(f.constraints_count, f.invariants_count)
+    formulas = _Formulas(f, 2 * D + f.invariants_count)
+    number, emit, x = formulas.values.number, formulas.values.emit, range(D)
+    values, J = formulas.at(x, rows, x)
+    size = sizes_in(formulas.values)
+    beside = [
+        formulas.at([j if j in f.steady else emit(name, j, D + j) for j in x], rows, x)[1]
+        for name in ("fadd", "fsub")
+    ]
+
+    def change(row):
+        changes = [abs(number(a)) * number(D + j) for j, a in row.items()]
+        return joined("fadd", changes or [number(0.0)])
+
+    is_far = []
+    for k, (row, a) in enumerate(zip(rows, values, strict=True)):
+        own, *others = (change(each[k]) for each in (J, *beside))
+        allowed = larger(0.5 * joined("fadd", others), own) + ROUNDING_OF_CHANGES * size(a)
+        is_far.append(abs(number(a) - number(2 * D + row)) > allowed)
+    return program_of(formulas.values.operations, [_any(is_far)])
+
+
+def change_along(emit, row, rates):
+    """Return dI/dt along `rates`, and the moduli of its terms; `row` {j: operand} is I'(x)."""
+    terms = [emit("fmul", a, rates[j]) for j, a in row.items()]
+    moduli = [emit("fabs", a) for a in terms]
+    return tuple(dot(emit, [(1.0, a) for a in each], 0.0) for each in (terms, moduli))
+
+
+def changes_of(f):
+    """Return the `Program` that tests if integrals change along f in a step from x.
+
+    It reads x, the length h of the step, I - c at its end for the integrals `f.tested`, and f's
+    table. Its result is 1 + the number of the first of these integrals that changes, else 0.
+    """
+    D, x, count = f.D, range(f.D), len(f.tested)
+    formulas = _Formulas(f, D + 1 + count)
+    values, number = formulas.values, formulas.values.number
+    rates = emitted(values, f.rates, dict(enumerate(x)) | formulas.table)
+    integrals, J = formulas.at(x, [f.constraints_count + k for k in f.tested], x)
+    changes = [change_along(values.emit, row, rates) for row in J]
+    size, found = sizes_in(values), number(0.0)
+    for n in reversed(range(count)):
+        (change, terms), of_step = changes[n], abs(number(D + 1 + n))
+        rate = abs(number(change))
+        changes_now = (rate > CHANGE_OF_INTEGRALS * number(terms)) & (
+            rate > ROUNDING_OF_CHANGES * size(change)
+        )
+        changes_now = changes_now & (of_step > PART_OF_CHANGE * abs(number(change) * number(D)))
+        changes_now = changes_now & (of_step > ROUNDING_OF_CHANGES * size(integrals[n]))
+        found = changes_now.select(1.0 + f.tested[n], found)
+    return program_of(values.operations, [found.number])
 
 
 def regular_of(f):
@@ -217,10 +319,7 @@ def test_of_start(f):
     number, rows, x = formulas.values.number, range(f.constraints_count), range(f.D)
     residuals, slopes = formulas.at(x, rows, x)
     residuals = [abs(number(a)) for a in residuals]
-    sizes = [
-        joined("fadd", [abs(number(a) * number(j)) for j, a in row.items()] or [number(0.0)])
-        for row in slopes
-    ]
+    sizes = [_terms(formulas.values, row, x) for row in slopes]
     largest, is_true = joined("max", sizes), number(0.0).equals(0.0)
     is_on, is_regular = is_true, is_true
     for residual, size in zip(residuals, sizes, strict=True):

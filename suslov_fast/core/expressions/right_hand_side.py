@@ -11,7 +11,14 @@ from .derivative import gradients
 from .function_records import RECORDS
 from .numpy_evaluation import results_at
 from .programs import Expressions, Program, folded, needed_for
-from .projection import NOTHING, projection_of, regular_of, test_of_start
+from .projection import (
+    NOTHING,
+    changes_of,
+    left_out_of,
+    projection_of,
+    regular_of,
+    test_of_start,
+)
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
 
@@ -88,7 +95,8 @@ class RightHandSide:
                  j = D, ... are the parameters `by`
     projection   `Program` of the projection of a state onto invariants (constraints, then first
                  integrals), or None; `levels` is the `Program` of their values, 0 for constraints;
-                 `regular` tests the constraints along a step, and `start` at its begin
+                 `regular` tests the constraints along a step, and `start` at its begin; `changes`
+                 tests first integrals at its begin, and `left_out` at its end
     longest      operand of the longest step, a function of parameters, see `pulses`
     of_x, columns  f and 0; in a `Variational`, the right-hand side of x and how many columns
     is_written   False if no user wrote f: warnings on its size would mean nothing
@@ -97,6 +105,7 @@ class RightHandSide:
 
     is_dense, columns, hybrid = False, 0, Hybrid()
     invariants_count = constraints_count = positions = 0
+    tested = ()
     of_x = property(lambda self: self)
     entries = property(lambda self: len(self.pattern))
 
@@ -114,7 +123,7 @@ class RightHandSide:
         self.D, self.P, self.products, self.is_written = D, P, products_in(of_f), is_written
         wanted = [*(a for _, of, _ in self.products for a in of), *results]
         self.height = len(wanted)
-        of_invariants, constraints, self.positions = invariants
+        of_invariants, constraints, self.positions, self.tested = invariants
         differentiated = [*wanted, *surface_values[:jumps], *of_invariants]
         rows = gradients(values, of_f, differentiated, D, by)
         slopes, at_surfaces = rows[: self.height], rows[self.height : self.height + jumps]
@@ -165,6 +174,14 @@ class RightHandSide:
         return regular_of(self) if self.constraints_count else None
 
     @cached_property
+    def left_out(self):
+        return left_out_of(self) if self.invariants_count > self.constraints_count else None
+
+    @cached_property
+    def changes(self):
+        return changes_of(self) if self.tested else None
+
+    @cached_property
     def start(self):
         return test_of_start(self)
 
@@ -201,7 +218,7 @@ class RightHandSide:
         lists = self.rates, self.fixed, self.derivative, self.linked
         lists += self.slopes, self.slope_places, self.surface_values, self.denominators
         lists += self.of_one_sign, self.steady
-        lists += (self.projection, self.levels) if self.projection else ()
+        lists += (self.projection, self.levels, self.tested) if self.projection else ()
         columns = () if self.of_x is self else (self.columns, self.has_trace, self.of_x.key)
         return repr((self.D, self.table, *self.hybrid, *lists, columns))
 

@@ -73,6 +73,13 @@ def with_phases(values, operations, state, sizes):
     return {a: size + changes[a] if a in changes else size for a, size in sizes.items()}
 
 
+def sizes_in(values):
+    """Return a function: the size before cancellation of an operand in `values`, as a `Number`."""
+    operations, state = [*values.operations], {a: a for a in range(values.count)}
+    sizes = with_phases(values, operations, state, sizes_of(values, operations, state))
+    return lambda a: sizes[a] if type(a) is int else abs(values.number(a))
+
+
 def moved_by_projection(values, rows):
     """Return {component: how far a projection moves it per unit of relative rounding}.
 

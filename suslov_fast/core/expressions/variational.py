@@ -50,6 +50,7 @@ class Variational(RightHandSide):
         self.invariants_count = f.invariants_count
         if f.invariants_count:
             self.projection, self.levels, self.regular = f.projection, f.levels, f.regular
+            self.left_out, self.changes, self.tested = f.left_out, f.changes, f.tested
         self.denominators = poles
         self.rates = Program(values.operations, self.rates.results)
         self.with_denominators = Program(self.rates.operations, [*self.rates.results, *poles])

@@ -18,7 +18,7 @@ from .events.actions import most_records
 from .events.records import size_of
 from .growing_components import many_of, some_of
 from .integrator import Integrator
-from .memory import BEGINS, LaneState
+from .memory import BEGINS, UNKEPT, LaneState
 from .program_code import TABLE, by_code
 from .rules import rule_of
 from .step_length import first_part, limit_of
@@ -213,6 +213,7 @@ class BatchSolver:
              the run these are the errors at the end, if `lost` was given or an alarm ended a
              trajectory of the same block
     doubtful (B,), True where an alarm of `growing_components` did not end the trajectory
+    unkept   (B, UNKEPT), results of tests of first integrals, see `projection`; 0 without integrals
     records  arrays of the actions of events, see `events.records`
     is_stopped   True if `report` stopped the run
     """
@@ -229,7 +230,7 @@ class BatchSolver:
         self.t = np.zeros(B)
         self.columns = {name: np.zeros(B, kind) for name, (_, kind) in COLUMNS.items()}
         self.state = np.zeros(B, np.int8)
-        self.records, self.doubtful = [], np.zeros(B, bool)
+        self.records, self.doubtful, self.unkept = [], np.zeros(B, bool), np.zeros((B, UNKEPT))
         self.is_stopped, self.event_times = False, None
         integrator = self.integrator(LaneState.EXPLICIT)
         self.rows, self.numbers = integrator.rows, numbers_of(f, settings, request.sign)[:]
@@ -310,6 +311,8 @@ class BatchSolver:
         for name, column in self.columns.items():
             column[block] = flat[:, getattr(rows, COLUMNS[name][0])]
         self.doubtful[block] = (flat[:, rows.most_lost] == inf) & (state != LaneState.AGAIN)
+        if self.f.of_x.left_out:
+            self.unkept[block] = flat[:, rows.unkept : rows.unkept + UNKEPT]
         if self.begins_lost or np.count_nonzero(state == LaneState.AGAIN):
             self.lost[block] = flat[:, rows.lost : rows.lost + self.lost.shape[1]]
         if self.event_times is not None:

@@ -12,7 +12,7 @@ import numpy as np
 from ..numba import status_codes
 from ..numba.decorators import function
 from ..numba.intrinsics import call_code, with_address
-from ..numba.status_codes import NONFINITE, OK
+from ..numba.status_codes import NONFINITE, NOT_KEPT, OK
 from . import batch_solver
 from .code_arguments import COMPONENT, NUMBER, SLOT
 from .events.actions import most_records
@@ -76,6 +76,7 @@ class Plan(NamedTuple):
     lane_state: int
     at: int  # the time at which actions of events accumulate
     lost: int  # relative errors of components, see `growing_components`
+    unkept: int  # results of tests of first integrals, see `projection`; 0 without integrals
 
 
 PLAN = Plan(*range(len(Plan._fields)))
@@ -130,6 +131,7 @@ def motion_system_of(f, settings, event_times, given, parameters, time, by=()):
         lane_state=rows.state,
         at=rows.at,
         lost=rows.lost,
+        unkept=rows.unkept * bool(f.of_x.left_out),
     )
     address = int(batch_solver.code_of(first, 1, f.hybrid.chooses))
     own = np.array(parameters, np.float64)
@@ -341,6 +343,9 @@ def motion_of_one(system, x0, out, memory):
         _write(system, state, memory, out)
     else:
         out[: system.dimension] = np.nan
+    unkept = plan[PLAN.unkept]
+    if state == _DONE and unkept > 0 and (x[unkept] > 0.0 or x[unkept + 2] > 0.0):
+        return NOT_KEPT
     return np.int64(STATUS[state])
 
 

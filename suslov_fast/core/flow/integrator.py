@@ -129,6 +129,12 @@ class Integrator:
         first = 2 * f.D + f.invariants_count
         places = {first + k: k for k in range(len(f.table))}
         self.functions["project"] = ProgramFunction(f.projection, first, places)
+        if f.left_out:
+            self.functions["left_out"] = ProgramFunction(f.left_out, first, places)
+        if f.changes:
+            last = f.D + 1 + len(f.tested)
+            of_changes = {last + k: k for k in range(len(f.table))}
+            self.functions["changes"] = ProgramFunction(f.changes, last, of_changes)
         if f.regular:
             first, places = first + f.D, {p + f.D: k for p, k in places.items()}
             self.functions["regular"] = ProgramFunction(f.regular, first, places)

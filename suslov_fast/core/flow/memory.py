@@ -26,6 +26,7 @@ class LaneState:
 
 
 BEGINS = -1.0  # in place of a `LaneState` before the first step
+UNKEPT = 3  # rows with the results of tests of first integrals
 
 
 def rows_of_trajectory(integrator):
@@ -60,6 +61,7 @@ def rows_of_trajectory(integrator):
         often=acts,  # how often in a row an event has acted again at once
         resting=acts,  # number of surfaces on which the state stays
         levels=f.of_x.invariants_count,  # values of invariants that steps keep, see `projection`
+        unkept=UNKEPT * bool(f.of_x.left_out),  # see `projection.note`
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
         best=1,  # length with which the last step would have had the allowed error; 0: not known
@@ -90,7 +92,8 @@ def rows_of_work(integrator):
     f, of_x, of_surfaces = integrator.f, integrator.f.of_x, integrator.D_of_surfaces
     D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
     extended, surfaces = D + len(f.denominators), integrator.event_surface_count
-    invariants = of_x.invariants_count
+    invariants, tested = of_x.invariants_count, len(of_x.tested)
+    has_integrals = int(bool(of_x.left_out))
     of_ends = len(integrator.rule.columns) * D
     has_slopes = f.hybrid.jumps and f.columns
     in_lanes = integrator.rule.lanes
@@ -152,7 +155,11 @@ def rows_of_work(integrator):
         tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
         # Inputs of `project`: the state, allowed errors, and levels; of `regular` also x.
         projecting=bool(invariants) * 3 * of_x.D + invariants,
-        projected=bool(invariants) * of_x.D,  # the state after a projection
+        # The state after a projection, 1 where an integral was far from its level, and I - c.
+        projected=bool(invariants) * of_x.D + has_integrals + tested,
+        left_out=has_integrals,  # 1 where an integral is still far from its level, else 0
+        changing=bool(tested) * (of_x.D + 1 + tested),  # inputs of `changes`
+        changes=int(bool(tested)),  # 1 + the number of an integral that changes along f, else 0
         invariants=invariants,  # values of invariants
         # States and rates, see `gragg.in_lanes`.
         lanes=in_lanes * (2 * D + extended) * bool(f.products),

@@ -60,6 +60,7 @@ def find_next_state(code):
         least = larger_of(code.number("rtol") * (smallest * sums.top), TINY)
         sizes.append({"moved": sums.moved, "least": least, "noisy": NOISE_OF_STEP * sums.top})
     projection.project(code, work.new)
+    projection.test_integrals(code)
     kept = projection.kept_by_constraints(code, sums.kept)
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators that depend on time alone

@@ -13,7 +13,7 @@ import numpy as np
 from ..llvm.compiler import address_of
 from . import batch_solver
 from .code_arguments import NUMBER
-from .memory import BEGINS, LaneState
+from .memory import BEGINS, UNKEPT, LaneState
 from .tolerances import STATES_IN_MEMORY
 
 
@@ -33,6 +33,9 @@ class _PreparedRunner(batch_solver.StepRunner):
         self.x, self.most_lost = rows[:, : f.D], rows[:, places.most_lost]
         self.x_bytes = rows[0, : f.D].data.cast("B") if B == 1 else None
         self.state = rows[:, places.state]
+        self.unkept = None
+        if f.of_x.left_out:
+            self.unkept = rows[:, places.unkept : places.unkept + UNKEPT]
         self.columns = [
             (name, rows[:, getattr(places, row)], kind)
             for name, (row, kind) in batch_solver.COLUMNS.items()
@@ -85,8 +88,9 @@ def solve_small_batch(f, table, x0, request):
 
     The states (count, B, D) are NaN where they are not reached. `columns` is {name in `COLUMNS`:
     array (B,)}, and `records` has the events. A single trajectory may change its integrator. If one
-    of several does, or if a trajectory ends early or has an alarm (`growing_components`), return
-    (states, None, None, begun), where `begun` is what `BatchSolver.run` needs to go on.
+    of several does, or if a trajectory ends early, has an alarm (`growing_components`) or does not
+    keep an integral (`projection`), return (states, None, None, begun), where `begun` is what
+    `BatchSolver.run` needs to go on.
     """
     B, starts = len(x0), None
     if f.hybrid.offsets:
@@ -106,7 +110,10 @@ def solve_small_batch(f, table, x0, request):
             break
         runner.use(batch_solver.integrator_of(f, int(ends[0]), request.settings))  # it turns
     states, records = runner.states.copy(), runner.records
-    if ends.count(LaneState.DONE) < B or math.inf in runner.most_lost.tolist():
+    is_clear = math.inf not in runner.most_lost.tolist()
+    if runner.unkept is not None and np.count_nonzero(runner.unkept):
+        is_clear = False
+    if ends.count(LaneState.DONE) < B or not is_clear:
         own = runner.table.copy() if f.hybrid.chooses else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:

@@ -11,6 +11,7 @@ SLIDING = -4  # the solution slides along a surface at which f switches
 TOO_MANY_STEPS = -5  # the motion takes too many steps from one time to the next
 ACCUMULATES = -6  # events accumulate: actions follow one another without end
 STOPPED = 3  # finished; an event ended the motion
+NOT_KEPT = 5  # finished; steps changed a first integral that they should keep
 # Of equilibria:
 DEGENERATE = 4  # found, but f' is singular, as at a fold
 NOT_FOUND = -7

@@ -29,7 +29,7 @@ _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
 # Why digits are in doubt. FELL: a component fell below 1e-300. NO_DIGITS: the solution ends sooner
 # if the allowed errors of small components are relative to their values.
 FELL, NO_DIGITS = np.int8(1), np.int8(2)
-_FEW = 256  # `solve_small_batch` first tries batches with at most so many numbers in their states
+_FEW = 4096  # numbers in the states of a batch up to which memory is kept for the next call
 
 
 @lru_cache(64)

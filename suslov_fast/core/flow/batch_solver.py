@@ -170,7 +170,7 @@ def counted_from_start(f, table, x0):
 
     Return (table, x0, starts); `starts` (B, clocks) are the start values, or None if all are 0.
     """
-    starts = x0[:, [*f.hybrid.offsets]]
+    starts = x0[:, [*f.hybrid.offsets]] if f.hybrid.offsets else ()
     if not np.count_nonzero(starts):
         return table, x0, None
     own, x0 = f.of_x, x0.copy()
@@ -223,7 +223,7 @@ class BatchSolver:
         self.f, self.states, self.request = f, states, request
         self.begins_lost = lost is not None
         self.lost = np.zeros((B, f.of_x.D)) if lost is None else lost
-        self.is_relative = bool(np.any(self.lost < 0.0))
+        self.is_relative = self.begins_lost and bool(np.any(self.lost < 0.0))
         self.table, self.x0, self.starts = counted_from_start(f, table, x0)
         self.times = np.concatenate([request.times, NO_TIMES])
         self.components = components_of(f, settings)
@@ -298,16 +298,18 @@ class BatchSolver:
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
         numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
-        while not abandoned and np.count_nonzero((state := flat[:, rows.state]) < LaneState.DONE):
+        state = flat[:, rows.state].copy()  # because NumPy reads columns slowly
+        while not abandoned and np.count_nonzero(state < LaneState.DONE):
             (which,) = np.nonzero((state == mode) | (state == BEGINS))
             if which.size:
                 own = flat if which.size == B else flat[which]
                 self._steps(self.integrator(mode), own, numbers[which], W, abandoned)
                 if own is not flat:
                     flat[which] = own
+            state = flat[:, rows.state].copy()
             mode = 1 - mode  # for trajectories that turned to the other integrator
-        state, t = flat[:, rows.state], flat[:, rows.t]
-        self.t[block], self.state[block] = t, state
+        t = self.t[block] = flat[:, rows.t]
+        self.state[block] = state
         for name, column in self.columns.items():
             column[block] = flat[:, getattr(rows, COLUMNS[name][0])]
         self.doubtful[block] = (flat[:, rows.most_lost] == inf) & (state != LaneState.AGAIN)

@@ -5,7 +5,7 @@
 
 from math import inf
 
-from ..llvm.text import Integers, Shared, Truth
+from ..llvm.text import Carried, Integers, Shared, Truth
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
 
 
@@ -35,14 +35,19 @@ class StepCode(FunctionCode):
     line      an array for each part of `memory.rows_of_trajectory`
     work      an array for each part of `memory.rows_of_work`
     table     the address of the table
+
+    `line` and `table` are those of trajectories in lanes, or those that are `waiting` (`lanes`).
     """
 
-    def __init__(self, text, integrator, name, for_each):
+    def __init__(self, text, integrator, name, for_each, waiting=False):
         self.arguments = Integers(text, "%arguments")
         self.loaded = CodeArguments(*(self.arguments[k] for k in SLOT))
         super().__init__(text, integrator, name, for_each, self.loaded.work)
-        self.line = text.arrays(self.work.line.at(), integrator.rows)
-        self.table = self.work.table.at() if for_each else self.loaded.table
+        line, tables = self.work.line, self.work.table
+        if waiting:
+            line, tables = self.work.waiting, self.work.table_waiting
+        self.line = text.arrays(line.at(), integrator.rows)
+        self.table = tables.at() if for_each else self.loaded.table
 
     def has_trajectories(self):
         """Return True if any lane has a trajectory: the row `own` is 0 in lanes without one."""
@@ -114,10 +119,12 @@ class StepCode(FunctionCode):
 
     def lanes_with(self, bits):
         """Add a loop over lanes k where bit k of `bits` is 1; yield 8 k, the offset in bytes."""
-        for lane in self.text.each(self.text.W):
-            bit = (bits >> lane) & 1
-            with self.text.when(bit.equals(1)):
-                yield lane * 8
+        text = self.text
+        with text.when(bits.differs(0)):
+            for now in text.rounds(Carried(left=bits)):
+                yield now.left.trailing_zeros() * 8
+                now.left = now.left & (now.left - 1)
+                now.goes_on = now.left.differs(0)
 
     def put_clocks(self, one, offset, time, to):
         """Write clocks, their rates times `time`, into the state of the lane `one` at `to`.

@@ -24,6 +24,7 @@ class Integrator:
                  large derivatives must not loosen the tolerance of x
     surface_count  how many surfaces f has at which steps end
     D_of_surfaces  the number of components of x if f has such surfaces, else 0
+    searches     1 if steps may search for surfaces, else 0
     read         the numbers of the components on which these surfaces depend
     read_by_events   those of them on which surfaces of events depend at which no body rests
     double_crossings  `DoubleCrossings`, programs that find whether a step hides crossings; they
@@ -47,6 +48,7 @@ class Integrator:
         self.is_relative = is_relative
         self.parts = [(0, f.of_x.D)] + [(f.of_x.D, f.D - f.of_x.D)] * (f.columns > 0)
         self.D_of_surfaces = f.of_x.D if f.hybrid.ends_steps else 0
+        self.searches = int(f.hybrid.ends_steps or f.hybrid.chooses)
         self.is_bounded = bool(f.clocks) or f.hybrid.jumps
         self.kinks, self.events = f.hybrid.kinks, f.hybrid.events
         self.event_surface_count = f.hybrid.event_surface_count

@@ -2,36 +2,80 @@
 
 When the trajectory of a lane ends, it is copied to memory, and the lane starts the next one that
 waits. In memory the rows of a trajectory are consecutive; the rows of a lane are W numbers apart.
+
+A trajectory takes as long to begin as W of them. So the next W trajectories begin together, in a
+line `waiting`; free lanes take them from there. If f has events or branches, which act on lanes,
+trajectories begin in their lanes.
 """
+
+from math import inf
 
 from ..llvm.text import Integers, Shared
 from . import dense_output, projection, step_length
 from .code_arguments import SLOT
+from .codegen import StepCode
 from .events import actions, branch_choice
 from .memory import LaneState
 from .next_state import move
 
 
+def begin_together(text, integrator):
+    """Return True if the trajectories for W lanes begin together."""
+    return text.W > 1 and not (integrator.f.hybrid.acts or integrator.f.hybrid.chooses)
+
+
 def take_next(code, free):
     """Write back trajectories of lanes with bit 1 in `free`; begin the next trajectories there."""
     text, loaded = code.text, code.loaded
+    together = begin_together(text, code.integrator)
     for offset in code.lanes_with(free):
-        line, own = code.line.x.at() + offset, Integers(text, code.work.own.at() + offset)
+        own = Integers(text, code.work.own.at() + offset)
         _write_back(code, offset)
         number = code.arguments[SLOT.following]
         own[0] = 0
         with text.when(number < loaded.count):
-            following = number + 1
-            own[0] = following
-            code.arguments[SLOT.following] = following
-            size = code.integrator.rows.size
-            text.copy_numbers(loaded.rows + number * (8 * size), 8, line, text.size, size)
-            if code.for_each:
-                at = loaded.table + number * loaded.table_bytes
-                text.copy_numbers(at, 8, code.table + offset, text.size, len(code.f.table))
-    begins = code.line.state[0] < 0.0
-    with text.when(begins.any()):
-        _begin(code, begins)
+            own[0] = number + 1
+            if together:
+                _take_waiting(code, number & (text.W - 1), offset)
+            else:
+                _load(code, number, offset)
+            code.arguments[SLOT.following] = number + 1
+    if not together:
+        begins = code.line.state[0] < 0.0
+        with text.when(begins.any()):
+            _begin(code, begins)
+
+
+def _take_waiting(code, place, offset):
+    """Copy the trajectory at a `place` of the line `waiting` to the lane at byte `offset`."""
+    text, work, size = code.text, code.work, code.text.size
+    with text.when(place.equals(0)):
+        text.invoke(f"{code.name}_begin", code.arguments)
+    parts = [(work.waiting, code.line.x, code.integrator.rows.size)]
+    if code.for_each:
+        parts.append((work.table_waiting, work.table, len(code.f.table)))
+    for source, target, rows in parts:
+        text.copy_numbers(source.at() + place * 8, size, target.at() + offset, size, rows)
+
+
+def begin_waiting(code):
+    """Load the next trajectories into the line `waiting`, for all lanes, and begin them."""
+    text, count, number = code.text, code.loaded.count, code.arguments[SLOT.following]
+    waiting = StepCode(text, code.integrator, code.name, code.for_each, waiting=True)
+    for lane in text.each(text.W):
+        own = number + lane
+        _load(waiting, (own < count).select(own, number), lane * 8)
+    _begin(waiting, waiting.line.state[0] < 0.0)
+
+
+def _load(code, number, offset):
+    """Copy rows and table of the trajectory `number` to the lane at byte `offset`."""
+    text, loaded, size = code.text, code.loaded, code.integrator.rows.size
+    line = code.line.x.at() + offset
+    text.copy_numbers(loaded.rows + number * (8 * size), 8, line, text.size, size)
+    if code.for_each:
+        at = loaded.table + number * loaded.table_bytes
+        text.copy_numbers(at, 8, code.table + offset, text.size, len(code.f.table))
 
 
 def _write_back(code, offset):
@@ -79,6 +123,8 @@ def _begin(code, begins):
     bend = 0.0 if stays else step_length.bend_of(code, line.x, f_new, sums)
     inputs = vars(sums) | {"bend": bend, "first_next": times[0], "second_next": times[1]}
     found = code.apply(step_length.BEGIN, **inputs)
+    if code.integrator.searches:
+        found["outer"] = inf
     code.keep(line, found, begins)
     if code.f.hybrid.acts:
         _begin_with_events(code, begins)

@@ -34,6 +34,7 @@ def rows_of_trajectory(integrator):
     f, events = integrator.f, integrator.events
     D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
     surfaces, actions = integrator.event_surface_count, events.count if acts else 0
+    searches = integrator.searches
     return _first_rows(
         x=D,  # the state
         f_x=D + len(f.denominators),  # f(x), then denominators that may not change sign
@@ -77,11 +78,11 @@ def rows_of_trajectory(integrator):
         tries=1,  # number of steps, also refused ones, actions and records, see `step_length.COUNT`
         counted_from=1,  # time at which `step_length.COUNT` last found that the motion moves on
         most_lost=1,  # the largest `lost`; infinity after an alarm, see `growing_components`
-        inner=1,  # in a search for a surface: length of a step that does not cross it
-        outer=1,  # in a search for a surface: length of a step that crosses it; else infinity
-        weight=1,  # Illinois rule: weight of the end at `inner`, or minus the weight at `outer`
-        rounds=1,  # number of lengths that a search for a surface has tried
-        unlimited=1,  # in a search for a surface: the next length if there were no surface
+        inner=searches,  # in a search for a surface: length of a step that does not cross it
+        outer=searches,  # in a search: length of a step that crosses the surface; else infinity
+        weight=searches,  # Illinois rule: weight of the end at `inner`, or minus that at `outer`
+        rounds=searches,  # number of lengths that a search for a surface has tried
+        unlimited=searches,  # in a search for a surface: the next length if there were no surface
         place=1,  # number of the next requested time, an integer
         trajectory=1,  # number of the trajectory, an integer
     )
@@ -101,6 +102,8 @@ def rows_of_work(integrator):
         line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`
         own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
         table=len(f.table),  # tables of the lanes, if each lane has its own
+        waiting=integrator.rows.size,  # rows of trajectories that free lanes take next, see `lanes`
+        table_waiting=len(f.table),  # tables of these
         start=D,  # a state inside a step
         f_start=extended,  # f at the state `start`, then denominators that may not change sign
         a=D,  # a state of a column; after the last column its y_N

@@ -83,6 +83,11 @@ def prepared(f, settings, sign, B, for_each):
     return []
 
 
+def _count(row, value):
+    """Return how many numbers of a row are equal to `value`; NumPy takes longer for few."""
+    return row.tolist().count(value) if len(row) < 32 else np.count_nonzero(row == value)
+
+
 def solve_small_batch(f, table, x0, request):
     """Return (states, columns, records, None) of trajectories from x0, with `table` of f.
 
@@ -105,15 +110,15 @@ def solve_small_batch(f, table, x0, request):
     while True:
         while not runner.take():
             pass
-        ends = runner.state.tolist()
-        if B > 1 or ends[0] >= LaneState.DONE:
+        end = runner.state.item(0)
+        if B > 1 or end >= LaneState.DONE:
             break
-        runner.use(batch_solver.integrator_of(f, int(ends[0]), request.settings))  # it turns
+        runner.use(batch_solver.integrator_of(f, int(end), request.settings))  # it turns
     states, records = runner.states.copy(), runner.records
-    is_clear = math.inf not in runner.most_lost.tolist()
+    is_clear = _count(runner.most_lost, math.inf) == 0
     if runner.unkept is not None and np.count_nonzero(runner.unkept):
         is_clear = False
-    if ends.count(LaneState.DONE) < B or not is_clear:
+    if _count(runner.state, LaneState.DONE) < B or not is_clear:
         own = runner.table.copy() if f.hybrid.chooses else None
         found = states, None, None, (runner.rows.copy(), own, records)
     else:

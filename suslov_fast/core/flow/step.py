@@ -58,7 +58,7 @@ def take_step(code):
     integrator = code.integrator
     found = integrator.rule.find_columns(code)
     kept, sizes = find_next_state(code)
-    errors = _estimate_errors(code, kept, sizes) | found | code.apply(step_length.NEAR)
+    errors = _estimate_errors(code, kept, sizes) | found | step_length.limits_of(code)
     before = code.line.t[0]
     _accept(code, errors, before)
     integrator.rule.turn(code, errors)

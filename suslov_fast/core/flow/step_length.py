@@ -191,18 +191,16 @@ def BEGIN(size, rate, total, bend, part, last, longest, first_next, second_next,
         "second": second_next,
         "state": has_value.select(first_state, float(LaneState.NO_VALUE)),
         "patience": STIFF_STEPS,
-        "outer": inf,
     }
 
 
-@scalar_kernel
-def NEAR(outer):
+def limits_of(code):
     """Return REACH_OF_STEP, SHORTEST_STEP; 1 and 0 in a search for a surface, of any length."""
-    is_near = outer < inf
-    return {
-        "reach": is_near.select(1.0, REACH_OF_STEP),
-        "shortest": is_near.select(0.0, SHORTEST_STEP),
-    }
+    reach, shortest = map(code.text.value, (REACH_OF_STEP, SHORTEST_STEP))
+    if code.integrator.searches:
+        is_near = code.line.outer[0] < inf
+        reach, shortest = is_near.select(1.0, reach), is_near.select(0.0, shortest)
+    return {"reach": reach, "shortest": shortest}
 
 
 @scalar_kernel
@@ -401,6 +399,6 @@ def choose_length(code):
     """Add code that writes the length of the next step in each lane, or 0, to the row `taken`."""
     # Without dense output a step aside ends at each requested time.
     second = code.line.second[0] if code.integrator.rule.interpolates else inf
-    reach = code.apply(NEAR)["reach"]
+    reach = limits_of(code)["reach"]
     found = code.apply(LENGTH, mode=code.mode, second=second, reach=reach, last=code.goal())
     code.keep(code.work, found)

@@ -8,7 +8,7 @@ from ..llvm.text import Carried, Code
 from . import dense_output, growing_components
 from .codegen import StepCode
 from .events import actions, branch_choice
-from .lanes import pause_if_spent, take_next
+from .lanes import begin_together, begin_waiting, pause_if_spent, take_next
 from .step import take_step
 from .step_length import choose_length
 
@@ -31,6 +31,8 @@ def text_of_integrator(integrator, name, W, for_each):
         parts["change"] = actions.change
     if integrator.rule.interpolates:
         parts["between"] = dense_output.save_between
+    if begin_together(text, integrator):
+        parts["begin"] = begin_waiting
     for part, add in parts.items():
         with text.function(f"{name}_{part}", ("arguments",)):
             add(StepCode(text, integrator, name, for_each))

@@ -144,8 +144,8 @@ def _in_place() -> dict[int, tuple[Any, Any]]:
     pairs += [(of.log, _log) for of in (math, cmath)] + [(cmath.phase, np.angle)]
     pairs += [(math.fsum, sum), (math.dist, _distance)]
     pairs += [(np.isscalar, lambda a: isinstance(a, Symbol))]
-    erf = functools.partial(applied, "erf")
-    pairs += [(math.erf, erf), (math.erfc, lambda a: 1.0 - erf(a))]
+    of_errors = "erf", "erfc"
+    pairs += [(getattr(math, name), functools.partial(applied, name)) for name in of_errors]
     return {id(plain): (plain, either(plain, traced)) for plain, traced in pairs}
 
 

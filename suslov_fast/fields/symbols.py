@@ -133,7 +133,6 @@ _SHORTER: dict[str, tuple[Callable[..., Any], int]] = {
     "isnan": (lambda a: a != a, 1),
     "isinf": (lambda a: abs(a) == math.inf, 1),
     "isfinite": (lambda a: abs(a) < math.inf, 1),
-    "erfc": (lambda a: 1.0 - applied("erf", a), 1),
 }
 
 

@@ -11,7 +11,7 @@ import pandas
 import pytest
 from scipy import special
 
-from suslov_fast import Field
+from suslov_fast import Field, flow
 
 RNG = np.random.default_rng
 
@@ -64,7 +64,7 @@ ONE = {
     "cos": mp.cos, "tan": mp.tan, "sinh": mp.sinh, "cosh": mp.cosh, "tanh": mp.tanh,
     "arctan": mp.atan, "arcsinh": mp.asinh,
     "cbrt": lambda a: mp.sign(a) * mp.root(abs(a), 3),
-    "erf": mp.erf, "expit": lambda a: 1 / (1 + mp.exp(-a)),
+    "erf": mp.erf, "erfc": mp.erfc, "expit": lambda a: 1 / (1 + mp.exp(-a)),
     "absolute": abs, "square": lambda a: a * a,
 }  # fmt: skip
 POSITIVE = {
@@ -81,7 +81,7 @@ TWO = {
 
 
 def _in_numpy(name, *a):
-    if name in ("erf", "expit"):
+    if name in ("erf", "erfc", "expit"):
         return getattr(special, name)(*a)
     if name in POSITIVE:
         positive = np.abs(a[0])
@@ -97,6 +97,14 @@ def _in_mpmath(name, *a):
     if name in BELOW_1:
         return BELOW_1[name](mp.tanh(a[0]))
     return (ONE | TWO)[name](*a)
+
+
+@pytest.mark.parametrize("f", [lambda x: special.erfc(x), lambda x: math.erfc(x[0])])
+def test_erfc_has_all_digits(f):
+    """Where 1 - erf(x) has none; also in machine code: x' = erfc(y) with y' = 0."""
+    np.testing.assert_allclose(Field(f, 1)([26.0]), [float(mp.erfc(26))], rtol=1e-14)
+    motion = flow(Field(lambda z: (*np.atleast_1d(f(z[1:])), 0.0), 2), [0.0, 26.0], time=3.0)
+    np.testing.assert_allclose(motion.states[-1, 0], 3 * float(mp.erfc(26)), rtol=1e-14)
 
 
 def random_tree(rng, depth):

@@ -75,6 +75,10 @@ def _of_logaddexp(a, b, y):
     return way.then("expit"), (-way).then("expit")
 
 
+def _of_erf(a):
+    return 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp")
+
+
 _OF_LISTS = [
     Function("exp", 1, lambda a, y: y, narrows=True),
     Function("expm1", 1, lambda a, y: a.then("exp"), True, narrows=True),
@@ -97,9 +101,8 @@ _OF_LISTS = [
     Function("arcsinh", 1, lambda a, y: 1.0 / a.then("hypot", 1.0), True, "asinh"),
     Function("arccosh", 1, lambda a, y: _per_roots(a - 1.0, 1.0 + a), False, "acosh"),
     Function("arctanh", 1, lambda a, y: 1.0 / ((1.0 - a) * (1.0 + a)), True, "atanh"),
-    Function(
-        "erf", 1, lambda a, y: 2.0 / math.sqrt(math.pi) * (-(a * a)).then("exp"), True, narrows=True
-    ),
+    Function("erf", 1, lambda a, y: _of_erf(a), True, narrows=True),
+    Function("erfc", 1, lambda a, y: -_of_erf(a), narrows=True),
     # 1 - y is the value at -a, which has all digits.
     Function("expit", 1, lambda a, y: y * (-a).then("expit"), narrows=True),
     Function("floor", 1, lambda a, y: 0.0),

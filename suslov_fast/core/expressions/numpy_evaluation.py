@@ -61,7 +61,7 @@ def _of_list(name):
 
 
 # Functions by their names in the C library. Machine code calls these functions lane by lane.
-_NAMES = "asin acos atan asinh acosh atanh atan2 erf".split()
+_NAMES = "asin acos atan asinh acosh atanh atan2 erf erfc".split()
 OF_LIBRARY = {name: _of_library(getattr(math, name)) for name in _NAMES}
 # Integer instructions; their names in LLVM follow "bits_".
 OF_BITS = {

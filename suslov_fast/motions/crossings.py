@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,7 @@ def crossings(
     given = surface if is_many else [surface]
     if not given:
         raise wrong("surface", "a function, or one or more", "none")
-    events = tuple(Event(each, direction=direction) for each in given)
+    events = tuple(_event(each, direction) for each in given)
     system = clocked(body, events)
     settings = checked_settings(system, *settings)
     x, batch, t0 = checked_starts(system, x0, t0=t0)
@@ -125,3 +126,15 @@ def crossings(
     motion = solved(system, x, batch, request, progress, names, events, body, t0)
     assert motion.events is not None  # a motion with a surface has events
     return motion.events
+
+
+def _event(surface: Any, direction: Any) -> Event:
+    if type(surface) is type(direction) is str:
+        return _event_of_text(surface, direction)
+    return Event(surface, direction=direction)
+
+
+@lru_cache(64)
+def _event_of_text(surface: str, direction: Any) -> Event:
+    """Return an event, kept for later calls, because it keeps its formula."""
+    return Event(surface, direction=direction)

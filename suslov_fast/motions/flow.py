@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -29,6 +30,8 @@ from .motion_arguments import (
     warn_of_times,
 )
 from .solution import solution
+
+_FEW = 64  # up to so many motions share arrays of the same values from call to call
 
 
 @public
@@ -213,19 +216,19 @@ def solved(
 
 def _of_request(request: SolverRequest, batch: tuple[int, ...]) -> dict[str, Any]:
     """Return the attributes of motions that reach the last time, but for those of solutions."""
-    times = request.times
-    if len(times) == 1 and not batch:
-        return _at_one_time(times.item(), request.settings)
+    times, settings = request.times, request.settings
+    if len(times) == 1 and math.prod(batch) <= _FEW:  # for speed in small calls
+        return _at_one_time(times.item(), batch, settings)
     last = request.sign * abs(times).max(initial=0.0)
-    return _at_times(times, read_only(np.full(batch, last)), request.settings)
+    return _at_times(times, np.full(batch, last) if batch else np.array(last), settings)
 
 
 @lru_cache(64)
-def _at_one_time(time: float, settings: Settings) -> dict[str, Any]:
-    return _at_times(read_only(np.array([time])), read_only(np.array(time)), settings)
+def _at_one_time(time: float, batch: tuple[int, ...], settings: Settings) -> dict[str, Any]:
+    return _at_times(read_only(np.array([time])), np.full(batch, time), settings)
 
 
 def _at_times(times: FloatArray, end: FloatArray, settings: Settings) -> dict[str, Any]:
-    zeros = zeros_of(end.shape)
-    without = {"status": zeros, "_again": zeros, "_t0": times_of(None, end.shape), "events": None}
-    return {"time": times, "end": end, **without, **settings._asdict()}
+    zeros, t0 = zeros_of(end.shape), times_of(None, end.shape)
+    without = {"status": zeros, "_again": zeros, "_t0": t0, "events": None}
+    return {"time": times, "end": read_only(end), **without, **settings._asdict()}

@@ -247,7 +247,9 @@ def to_tolerance(
     if count > 1 and np.count_nonzero(request.times[1:] <= request.times[:-1]):
         times, places = np.unique(request.times, return_inverse=True)
         request = request._replace(times=times)
-    first, last = request.times.item(0), request.times.item(-1)
+    first = last = request.times.item(0)
+    if count > 1:
+        last = request.times.item(-1)
     has_events = request.event_times is not None
     if last > 0.0 or has_events:  # events at time 0 act, too
         parts = right_hand_sides(groups, shape, batch)

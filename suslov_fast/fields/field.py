@@ -52,7 +52,8 @@ class Field(Traced):
 
     f is called with symbols, and stored as a list of operations, from which its exact derivative
     follows. It may contain ``+ - * / **``, NumPy's functions of numbers, ``np.where``, comparisons
-    joined by ``& | ~``, ``np.interp`` with a table of numbers, and SciPy's ``expit``, ``erf`` and ``erfc``.
+    joined by ``& | ~``, ``np.interp`` with a table of numbers, and SciPy's ``expit``, ``erf`` and
+    ``erfc``.
 
     Parameters
     ----------

@@ -116,6 +116,14 @@ def _rate(new, f_new, signed):
     return (new < 0.0).select(-1.0 * f_new, f_new) * signed
 
 
+def _power(a, n):
+    """Return a**n."""
+    power = a * a * (a * a) if n > 3 else a
+    for _ in range(n - 4 if n > 3 else n - 1):
+        power = power * a
+    return power
+
+
 def _begins_to_grow(x, new, f_new, signed, lost):
     return (lost > 0.0) & ((abs(new) >= abs(x)) | (_rate(new, f_new, signed) > 0.0))
 
@@ -155,9 +163,7 @@ def _lost(
     )  # a division takes long
     base, power = loses
     growth = larger(component.keeps * (rate * part), 0.0) * (1.0 / base)
-    root = growth * growth * (growth * growth)  # then growth**(power / 2)
-    for _ in range(power // 2 - 4):
-        root = root * growth
+    root = _power(growth, power // 2)
     own = larger(component.lost, 0.0) + abs(component.error) * part + root * root
     own = (own > (component.keeps > 0.0).select(larger(WITHOUT_DIGITS, 100.0 * rtol), 1.0)).select(
         1.0, own

@@ -16,7 +16,8 @@ class Rule:
     columns      numbers N of the sub-steps of columns, with `weights` and `error_weights`
     power        the next length has the factor ratio**(-1 / power), see `step_length`
     predicts     True if two steps predict the next length, see `step_length`
-    loses        (a, n): steps lose about (g / a)**n of growth exp(g), see `growing_components`
+    loses        (a, n): steps lose about (g / a)**n of growth exp(g), n is even, see
+                 `growing_components`
     interpolates  True if `dense_output` finds states inside a step; else each requested time has a
                  step aside (`step_length`), whose end may have fast modes that f shows
     damps        True if long steps damp all fast modes, also growing ones
@@ -93,4 +94,7 @@ class Rule:
         """Replace the change in this row by the change of the sub-step's end."""
 
     def turn(self, code, errors):
-        """Let lanes change to a rule of another mode, or end, by the `errors` of the step."""
+        """Let lanes change to a rule of another mode, or end, by the `errors` of the step.
+
+        `step_length` has kernels for this: TURN_EXPLICIT reads sums of DIFFERENCES.
+        """

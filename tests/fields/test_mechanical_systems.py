@@ -427,6 +427,80 @@ def test_bicycle_has_the_published_linear_equations():
     assert_allclose(motion.residuals(), 0, atol=1e-12)
 
 
+# ------------------------------------------------------------------------------ two-mass skate
+WHEELBASE, TRAIL, TILT = 1.0, 0.02, np.pi / 36
+MASSES = (10.0, (1.2, -0.4)), (1.0, (1.02, -0.2))  # of the body, of the fork: mass, (x, z)
+
+
+def skate():
+    """A bicycle of two points with mass, on blades in the places of wheels; z points down.
+
+    Its matrix of masses is singular: nothing but the constraints determines its rotations.
+    """
+    axis, blade = about_y(TILT), np.array([WHEELBASE, 0, 0])
+    on_axis = np.array([WHEELBASE + TRAIL, 0, 0])
+
+    def body(q):
+        return about_z(q[2]) @ about_x(q[3]) @ about_y(q[4])
+
+    def fork(q):
+        return body(q) @ axis @ about_z(q[5]) @ axis.T
+
+    def on_fork(q, point):
+        return np.stack([q[0], q[1], 0 * q[0]]) + body(q) @ on_axis + fork(q) @ (point - on_axis)
+
+    def lagrangian(q, v):
+        (m, (x, z)), (of_fork, (X, Z)) = MASSES
+        at = np.array([x, 0, z]), np.array([X, 0, Z])
+        first = lambda q: np.stack([q[0], q[1], 0 * q[0]]) + body(q) @ at[0]  # noqa: E731
+        second = lambda q: on_fork(q, at[1])  # noqa: E731
+        u, w = velocity(first, q, v), velocity(second, q, v)
+        heights = m * first(q)[2] + of_fork * second(q)[2]
+        return (m * (u @ u) + of_fork * (w @ w)) / 2 + 9.81 * heights
+
+    def blades(q, v):
+        across = fork(q) @ np.array([0, 1.0, 0])
+        u = velocity(lambda q: on_fork(q, blade), q, v)
+        skids = v[0] * sin(q[2]) - v[1] * cos(q[2])
+        return on_fork(q, blade)[2], skids, across[0] * u[0] + across[1] * u[1]
+
+    return Field.from_lagrangian(lagrangian, "x y yaw lean pitch steer", constraints=blades)
+
+
+def linear_equations_of_points():
+    """Return M, C, K0, K2 of Meijaard et al. (2007), without wheels and moments of inertia."""
+    (m, (x, z)), (of_fork, (X, Z)) = MASSES
+    s, c = sin(TILT), cos(TILT)
+    u = (X - WHEELBASE - TRAIL) * c - Z * s  # from the steer axis
+    mu = TRAIL / WHEELBASE * c
+    xx, zz = m * z * z + of_fork * Z * Z, m * x * x + of_fork * X * X
+    xz = -m * x * z - of_fork * X * Z
+    along, of_lean, of_yaw = of_fork * u * u, -of_fork * u * Z, of_fork * u * X
+    S = of_fork * u + mu * (m * x + of_fork * X)
+    heights = m * z + of_fork * Z
+    M = [[xx, of_lean + mu * xz], [of_lean + mu * xz, along + 2 * mu * of_yaw + mu**2 * zz]]
+    yaw = c / WHEELBASE
+    C = [[0, xz * yaw - mu * heights], [0, of_yaw * yaw + mu * (S + zz * yaw)]]
+    K0 = [[heights, -S], [-S, -S * s]]
+    K2 = [[0, -heights * yaw], [0, S * yaw]]
+    return map(np.array, (M, C, K0, K2))
+
+
+def test_two_mass_skate_has_the_published_linear_equations():
+    field, (M, C, K0, K2) = skate(), linear_equations_of_points()
+    for speed in (0.0, 3.0, 6.0):
+        x0, along = np.zeros(12), np.zeros((12, 4))
+        x0[6] = speed
+        along[[3, 5, 9, 11], range(4)] = 1.0
+        along[8, [1, 3]] = cos(TILT) / WHEELBASE * np.array([speed, TRAIL])
+        exact = -np.linalg.solve(M, np.hstack([9.81 * K0 + speed**2 * K2, speed * C]))
+        assert_allclose(field.jacobian(x0)[[9, 11]] @ along, exact, rtol=1e-8, atol=1e-8)
+    x0 = field.mechanics.projected([0, 0, 0, 0.05, 0, 0.02, 6.0, 0, 0, 0, 0, 0])
+    motion = flow(field, x0, time=[1.0, 10.0])  # above its critical speed of 4.2 m/s
+    assert_allclose(motion.energy(), field.energy(x0), rtol=1e-7)
+    assert abs(motion["lean"][1]) < 1e-2 * abs(motion["lean"][0])
+
+
 def test_rattleback_turns_back():
     """The body of Kane and Levinson (1982), beside Newton's and Euler's equations in SciPy."""
     inertia = np.array([[2e-4, -2e-5, 0], [-2e-5, 1.6e-3, 0], [0, 0, 1.7e-3]])

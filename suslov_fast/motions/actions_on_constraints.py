@@ -6,6 +6,10 @@ metric of the masses. A bounce from a surface s = 0, an action that turns or sto
 new ds/dt. So then velocities move on, to this ds/dt, in the direction in which the action, followed
 by reactions, moves a velocity along the normal of the surface. Positions do not jump in mechanics:
 new positions must be on the constraints, else the state after the action has no value.
+
+If constraints are not linear in velocities, Newton's steps, each of them least in the metric of the
+masses, repeat both moves. If they find no velocity on the constraints with the new ds/dt, the state
+after the action has no value.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.cached import cached_property
 from ..core.expressions.derivative import gradients
 from ..core.expressions.function_records import same
 from ..core.expressions.numpy_evaluation import results_at
@@ -25,6 +30,7 @@ from ..core.expressions.programs import (
     depending,
     dot,
     emitted,
+    in_order,
     program_of,
 )
 from ..core.expressions.tolerances import OFF_CONSTRAINTS, ROUNDING_OF_RESIDUALS
@@ -38,7 +44,7 @@ from .event import Event, traced
 # The least part of the change of ds/dt at a bounce that reactions may leave; below it a bounce is
 # none, because constraints hold the body on the surface.
 _LEAST = 2.0**-20
-_ROUNDS = 5  # Newton's steps to constraints that are not linear in velocities
+_ROUNDS = 6  # Newton's steps to constraints that are not linear in velocities
 _SAMPLES = 16  # random states that tell bounces from other actions
 
 
@@ -79,11 +85,16 @@ class _Reactions:
         self.is_linear = self._is_linear()
         reacted = self.projected([self.x[i] for i in self.velocities])
         if rate := self._rate_of_bounce(action):
-            reacted, push = self._with_rate(rate, reacted)
+            moved = self._moved_by(rate)
+            reacted, push = self._with_rate(rate, reacted, moved)
+            for _ in range(0 if self.is_linear else _ROUNDS):
+                reacted, push = self._with_rate(rate, self._corrected(reacted), moved)
             of_state = [0.0] * self.velocities.start + push
             of_state += [0.0] * (self.D - len(of_state))
             action = action._replace(push=KeyedProgram.of(values, of_state))
-        is_on = self._is_on() if moves else values.number(0.0).equals(0.0)
+        is_on = values.number(0.0).equals(0.0)
+        if moves or not self.is_linear:
+            is_on = self._is_on(reacted, sizes["multipliers"] if self.is_linear else 0)
         x = [*self.x]
         for i, a in zip(self.velocities, reacted, strict=True):
             if not same(a, x[i]) or moves:
@@ -102,12 +113,16 @@ class _Reactions:
 
     def projected(self, velocities: Any) -> list[Any]:
         """Return operands of velocities on the constraints at the new positions."""
-        number = self.values.number
         for _ in range(1 if self.is_linear else _ROUNDS):
-            changes = self.at(self._program("corrections"), velocities)[self.velocities.start :]
-            pairs = zip(velocities, changes, strict=True)
-            velocities = [a if same(c, 0.0) else (number(a) + number(c)).number for a, c in pairs]
+            velocities = self._corrected(velocities)
         return [*velocities]
+
+    def _corrected(self, velocities: Any) -> list[Any]:
+        """Return operands of velocities after one of Newton's steps to the constraints."""
+        number = self.values.number
+        changes = self.at(self._program("corrections"), velocities)[self.velocities.start :]
+        pairs = zip(velocities, changes, strict=True)
+        return [a if same(c, 0.0) else (number(a) + number(c)).number for a, c in pairs]
 
     def _is_linear(self) -> bool:
         """Return True if the derivatives of constraints by velocities do not depend on these."""
@@ -116,11 +131,11 @@ class _Reactions:
             a for a in program.results if type(a) is int
         )
 
-    def _is_on(self) -> Any:
-        """Return the truth value that the new positions are on the constraints, as x0 must be."""
-        k, number = self.equations.sizes["multipliers"], self.values.number
-        terms = [*map(number, self.at(self._program("sizes")))]
-        residuals = self.at(self._program("residuals"))
+    def _is_on(self, velocities: Any, k: int) -> Any:
+        """Return the truth value that residuals from number k on are 0, as those of x0 must be."""
+        number = self.values.number
+        terms = [*map(number, self.at(self._program("sizes"), velocities))]
+        residuals = self.at(self._program("residuals"), velocities)
         largest, is_on = reduce(larger, terms), number(0.0).equals(0.0)
         for g, size in zip(residuals[k:], terms[k:], strict=True):
             most = larger(OFF_CONSTRAINTS * size, ROUNDING_OF_RESIDUALS * largest)
@@ -129,7 +144,7 @@ class _Reactions:
 
     def _rate_of_bounce(self, action: EventAction) -> Program | None:
         """Return ds/dt, and its slopes by velocities, if the action is a bounce, else None."""
-        if action.surface is None or not self.is_linear:
+        if action.surface is None:
             return None
         values, of_velocities = Expressions(self.parameters.stop, self.parameters), self.velocities
         [s] = emitted(values, action.surface)
@@ -148,26 +163,49 @@ class _Reactions:
         before, after = results_at(values_of, dict(enumerate(x)), (_SAMPLES,))
         return program if (before * after <= 0.0).all() else None
 
-    def _with_rate(self, program: Program, reacted: Any) -> tuple[list[Any], list[Any]]:
-        """Return `reacted` velocities, moved to the wanted ds/dt, and the direction of the move."""
-        values, number = self.values, self.values.number
-        [wanted, *normal], [after, *_] = self.at(program), self.at(program, reacted)
-        tangent = self._tangent(normal)
+    def _moved_by(self, program: Program) -> list[Any]:
+        """Return by how much the action moves a velocity along the normal of the surface."""
+        values, D = self.values, self.D
+        tangent = self._tangent(self.at(program)[1:], [*self.velocities])
         new = [self.x[i] for i in self.velocities]
-        rows = gradients(values, [*values.operations], new, self.D)
+        rows = gradients(values, [*values.operations], new, D)
         rows = [_row(row, self.velocities) for row in rows]
-        moved = [*map(values.difference, (self._dot(row, tangent) for row in rows), tangent)]
-        direction = self._tangent(moved)
-        share, whole = (number(self._dot(normal, v)) for v in (direction, moved))
+        return [*map(values.difference, (self._dot(row, tangent) for row in rows), tangent)]
+
+    def _with_rate(self, program: Program, v: Any, moved: Any) -> tuple[list[Any], list[Any]]:
+        """Return velocities v, moved to the wanted ds/dt, and the direction of the move."""
+        number = self.values.number
+        [wanted, *normal], [after, *_] = self.at(program), self.at(program, v)
+        direction = self._tangent(moved, v)
+        share, whole = (number(self._dot(normal, w)) for w in (direction, moved))
         part = (number(wanted) - number(after)) / share
         part = (abs(share) > _LEAST * abs(whole)).select(part, 0.0)
-        pairs = zip(reacted, direction, strict=True)
+        pairs = zip(v, direction, strict=True)
         return [(number(a) + part * number(b)).number for a, b in pairs], direction
 
-    def _tangent(self, v: Any) -> list[Any]:
-        """Return changes of velocities v without the parts that constraints do not allow."""
-        moved, fixed = self.projected(v), self.projected([0.0] * len(v))
-        return [*map(self.values.difference, moved, fixed)]
+    def _tangent(self, change: Any, v: Any) -> list[Any]:
+        """Return a change of velocities v without the part that constraints do not allow."""
+        if self.is_linear:
+            moved, fixed = self._corrected(change), self._corrected([0.0] * len(change))
+            return [*map(self.values.difference, moved, fixed)]
+        places, program = self._slopes
+        rows: list[dict[int, Any]] = [{} for _ in change]
+        for (i, j), a in zip(places, self.at(program, v), strict=True):
+            rows[i][j] = a
+        taken = (self._dot(_row(row, self.velocities), change) for row in rows)
+        number = self.values.number
+        return [(number(a) + number(b)).number for a, b in zip(change, taken, strict=True)]
+
+    @cached_property
+    def _slopes(self) -> Any:
+        """The places (i, j) and the `Program` of derivatives of corrections by velocities j."""
+        values, corrections = in_order(
+            self.equations.values, self.equations.quantities["corrections"]
+        )
+        rows = gradients(values, [*values.operations], corrections, self.D)
+        rows = rows[self.velocities.start :]
+        places = [(i, j) for i, row in enumerate(rows) for j in row if j in self.velocities]
+        return places, program_of(values.operations, [rows[i][j] for i, j in places])
 
     def _dot(self, a: Any, b: Any) -> Any:
         pairs = [each for each in zip(a, b, strict=True) if not any(same(k, 0.0) for k in each)]

@@ -514,3 +514,44 @@ def test_a_clock_that_is_kicked_is_that_of_the_angle():
     assert_allclose(orbit.period, exact.period, rtol=1e-10)
     assert_allclose(orbit.multipliers, exact.multipliers, atol=1e-9)
     assert_allclose(flow(pendulum(0.2), orbit.state, time=0.0).residuals(), 0, atol=1e-14)
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.5, 0.1])
+def test_bounces_with_a_constraint_on_the_speed(restitution):
+    """The new ds/dt is kept; the speed 1 and the symmetry of the wall give the other velocities."""
+    point = Field.from_lagrangian(
+        lambda q, v: v @ v / 2, "x y z", constraints=lambda q, v: v @ v - 1
+    )
+    wall = Event("z", lambda x: (*x[:5], -restitution * x[5]), direction="down")
+    motion = flow(point, [0, 0, 1, 0.36, 0.48, -0.8], time=2.0, events=wall)
+    [state] = motion.events.states
+    along = np.sqrt(1 - (0.8 * restitution) ** 2)
+    assert_allclose(state[3:], [0.6 * along, 0.8 * along, 0.8 * restitution], rtol=1e-13)
+    assert_allclose(motion.final[:3], state[:3] + 0.75 * state[3:], rtol=1e-9)
+
+
+def test_bounces_with_a_constraint_of_appell():
+    """On a wall that is not a plane of symmetry: constraints and the new ds/dt hold."""
+    cone = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[2],
+        "x y z",
+        constraints=lambda q, v: v[2] ** 2 - 2 * (v[0] ** 2 + v[1] ** 2),
+    )
+    wall = Event(
+        lambda x: x[0] + x[2] + 0.5,
+        lambda x: (*x[:3], x[3] - 0.75 * (x[3] + x[5]), x[4], x[5] - 0.75 * (x[3] + x[5])),
+        most=1,
+    )
+    x0 = cone.mechanics.projected([0, 0, 0, -1, 0.3, -1.2])
+    events = flow(cone, x0, time=2.0, events=wall).events
+    before, after = events.before[0, 3:], events.states[0, 3:]
+    assert_allclose(after[0] + after[2], -0.5 * (before[0] + before[2]), rtol=1e-13)
+    assert_allclose(after[2] ** 2, 2 * (after[0] ** 2 + after[1] ** 2), rtol=1e-13)
+
+
+def test_bounces_that_constraints_do_not_allow():
+    point = Field.from_lagrangian(lambda q, v: v @ v / 2, "x y", constraints=lambda q, v: v @ v - 1)
+    wall = Event("y", lambda x: (*x[:3], -1.5 * x[3]))
+    with pytest.warns(IntegrationWarning, match="no value"):
+        motion = flow(point, [0, 1, 0.6, -0.8], time=2.0, events=wall)
+    assert_allclose(motion.end, 1.25, rtol=1e-9)

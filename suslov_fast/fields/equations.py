@@ -13,7 +13,7 @@ from ..core.expressions.dense_product import expanded, roll
 from ..core.expressions.derivative import gradients
 from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import Expressions, Program, emitted, in_order, needed_for
-from ..core.expressions.projection import Kept
+from ..core.expressions.projection import Invariants
 from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
 from .tracer import Tracer
@@ -74,11 +74,11 @@ class Equations:
         return {name: [next(rest) for _ in range(size)] for name, size in self.sizes.items()}
 
     @cached_property
-    def invariants(self) -> Kept:
+    def invariants(self) -> Invariants:
         """What steps of a motion keep: constraints, then first integrals."""
         constraints = self.quantities.get("residuals", [])
         integrals = self.quantities.get("conserved", [])
-        return Kept([*constraints, *integrals], len(constraints), self.positions)
+        return Invariants([*constraints, *integrals], len(constraints), self.positions)
 
     @cached_property
     def read_last(self) -> bool:

@@ -24,7 +24,7 @@ import functools
 import itertools
 
 from .programs import Expressions, dot, emitted, united
-from .projection import Kept
+from .projection import Invariants
 from .right_hand_side import RightHandSide
 
 SHIFT = 2.0
@@ -65,7 +65,7 @@ def with_frame(f, moving):
     of_Q = _product(emit, Q, S, m)
     rates = [of_Q.get(each, 0.0) for each in square]
     results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in range(m))]
-    invariants = Kept(kept, f.constraints_count, f.positions)
+    invariants = Invariants(kept, f.constraints_count, f.positions)
     about = {"table": fixed, "invariants": invariants, "is_written": False}
     return RightHandSide(values, results, len(fixed), **about)
 

@@ -44,7 +44,7 @@ from .tolerances import (
 from .values import joined, larger, smaller
 
 
-class Kept(NamedTuple):
+class Invariants(NamedTuple):
     """The invariants of equations: constraints phi, then g of holonomic ones, then first integrals.
 
     operands     their values
@@ -59,7 +59,7 @@ class Kept(NamedTuple):
     tested: tuple[int, ...] = ()
 
 
-NOTHING = Kept()
+NOTHING = Invariants()
 
 
 class _Formulas:

@@ -1,16 +1,13 @@
 """Right-hand sides of x' = f(x) as expression programs, with derivatives and properties."""
 
-import functools
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from ..cached import cached_property
 from .dense_product import along, products_in
 from .derivative import gradients
-from .function_records import RECORDS
+from .hybrid import Hybrid
 from .numpy_evaluation import results_at
-from .programs import Expressions, Program, folded, needed_for
+from .programs import Expressions, Program, needed_for
 from .projection import (
     NOTHING,
     changes_of,
@@ -19,57 +16,9 @@ from .projection import (
     regular_of,
     test_of_start,
 )
+from .properties import properties_of
 from .pulses import longest_step
 from .symbolic_elimination import bits_of
-
-
-class Hybrid(NamedTuple):
-    """What happens to a motion of f at surfaces and at given times; nothing if f is smooth.
-
-    Properties answer questions:
-
-    acts         True if events act on motions, or record them
-    event_surface_count  how many surfaces events have
-    chooses      True if f has branches, which are chosen when a motion begins and where it crosses
-                 a surface
-    jumps        True if f jumps at some of these surfaces; at `kinks`, by their kinds, it bends
-    ends_steps   True if steps end at surfaces
-
-    Data:
-
-    events       `EventSet` of actions along the motion, or None
-    branches     `Branches` of f, or None
-    branch_program  `Program` that finds the branches at a state, see `branches._choices`
-    derived      `Program` of the numbers of f's table that depend on branches
-    surfaces     `Program` of the functions s of surfaces with crossings that end steps
-    watch, double_crossings, aim  programs that find crossings, see the functions of these names
-    offsets      {clock: number of the parameter that is its start}, see `ElapsedTime`
-    """
-
-    events: Any = None
-    branches: Any = None
-    branch_program: Program | None = None
-    derived: Program | None = None
-    surfaces: Program | None = None
-    watch: Program | None = None
-    double_crossings: Any = None
-    aim: Any = None
-    offsets: Any = {}  # noqa: RUF012  (never changed)
-
-    acts = property(lambda self: self.events is not None)
-    event_surface_count = property(lambda self: self.events.surface_count if self.acts else 0)
-    chooses = property(lambda self: self.branches is not None)
-    jumps = property(lambda self: self.chooses and self.branches.jumps > 0)
-    ends_steps = property(lambda self: self.watch is not None)
-
-    @property
-    def kinks(self):
-        surfaces = self.branches.conditions if self.chooses else ()
-        return [surface.kind for surface in surfaces if not surface.jumps]
-
-    def parameters(self, P):
-        """Return how many of the P parameters of f hold no branches; they come first."""
-        return self.branches.P if self.chooses else P
 
 
 class RightHandSide:
@@ -88,7 +37,7 @@ class RightHandSide:
     steady       components of constant rate, not 0
     clocks       the steady components that others depend on
     of_one_sign  components that keep their sign, because f_i contains the factor x_i
-    denominators  numbers of values of `rates` that change sign at poles, see `_signs_of_poles`
+    denominators  numbers of values of `rates` that change sign at poles, see `properties`
     surface_values  `Program` of the functions s of surfaces at which steps end, then of the shifts
                  q of tables (functions of parameters, see `Branches.shifts`)
     slopes       `Program` of ds_k/dx_j at `slope_places` (k, j), for surfaces s_k at which f jumps;
@@ -140,10 +89,11 @@ class RightHandSide:
             varying = [operation for operation in values.operations if operation[1] not in fixed]
             return Program(needed_for(varying, [*results, *others]), results)
 
-        self.rates = program_of([*results])
-        self._find_properties(values)
-        self.longest = longest_step(values, self.rates, self.steady)
-        self.rates = program_of(self.rates.results, self.denominators)
+        rates = program_of([*results])
+        found = properties_of(values, rates, D)
+        self.reads, self.steady, self.clocks, self.of_one_sign, self.denominators = found
+        self.longest = longest_step(values, rates, self.steady)
+        self.rates = program_of(rates.results, self.denominators)
         self.with_denominators = Program(self.rates.operations, [*results, *self.denominators])
         self.derivative = program_of([slopes[i][j] for i, j in self.linked])
         self.surface_values = program_of([*surface_values])
@@ -222,27 +172,6 @@ class RightHandSide:
         columns = () if self.of_x is self else (self.columns, self.has_trace, self.of_x.key)
         return repr((self.D, self.table, *self.hybrid, *lists, columns))
 
-    def _find_properties(self, values):
-        """Find clocks and components of one sign; add denominators of clocks to `values`."""
-        # For each value the components that it depends on, as bits, and the components that make it
-        # 0 if they are 0.
-        of, factors = {i: 1 << i for i in range(self.D)}, {i: 1 << i for i in range(self.D)}
-        for instruction, number, operands in self.rates.operations:
-            numbers = [0 if isinstance(a, float) else of.get(a, 0) for a in operands]
-            of[number] = functools.reduce(int.__or__, numbers, 0)
-            factors[number] = _common_factors(instruction, operands, factors, self.D)
-        results = [*enumerate(self.rates.results)]
-        self.reads = [0 if isinstance(a, float) else of.get(a, 0) for _, a in results]
-        self.steady = [i for i, a in results if values.is_fixed(a) and a != 0.0]
-        self.clocks = [i for i in self.steady if any(mask >> i & 1 for mask in self.reads)]
-        self.of_one_sign = [
-            i for i, a in results if not isinstance(a, float) and factors.get(a, 0) >> i & 1
-        ]
-        clocks = sum(1 << i for i in self.clocks)
-        varying = ((number, *of_) for name, number, of_ in self.rates.operations if name == "fdiv")
-        quotients = [q for q in varying if (mask := of.get(q[2], 0)) and not mask & ~clocks]
-        self.denominators = _signs_of_poles(values, self.rates, quotients) if quotients else []
-
     def table_of(self, parameters):
         """Return the table (n, ...), the numbers that f and f' read, for parameters (P, ...)."""
         parameters = np.asarray(parameters, np.float64)
@@ -277,62 +206,3 @@ class RightHandSide:
         shape = np.broadcast_shapes(np.shape(x)[1:], np.shape(table)[1:])
         given = dict(zip([*range(self.D), *self.table], [*x, *table], strict=True))
         return results_at(program, given, shape)
-
-
-def _signs_of_poles(values, f, quotients):
-    """Return numbers of values that change sign at poles of quotients (number, dividend, divisor).
-
-    Each quotient adds two values to `values`: the divisor if the dividend is positive, else 0; and
-    the divisor if the dividend is negative, else 0. So 0 / 0 is no pole. Both are 0 where the
-    results of the `Program` f do not depend on the quotient (`_taken`).
-    """
-    emit, is_taken, signs = values.emit, _taken(values, f), []
-    for number, a, b in quotients:
-        for pair in ((a, 0.0), (0.0, a)):
-            truth = folded(emit, "and", (is_taken.get(number, False), folded(emit, "ogt", pair)))
-            signs.append(folded(emit, "select", (truth, b, 0.0)))
-    return [*dict.fromkeys(a for a in signs if type(a) is int)]
-
-
-def _taken(values, f):
-    """Return {number of a value: operand of a truth value, true where f depends on the value}.
-
-    f does not depend on a value where `select` chooses another one, or where the other factor of a
-    product is 0. Only factors that are a `select`, or depend on parameters alone, are considered.
-    True in place of an operand stands for always.
-    """
-    emit, is_taken = values.emit, {a: True for a in f.results if not isinstance(a, float)}
-    for name, number, operands in reversed(f.operations):
-        truth = is_taken.get(number, False)
-        for k, a in enumerate(operands):
-            if isinstance(a, float) or truth is False:
-                continue
-            condition = True
-            if name == "select" and k:
-                condition = operands[0] if k == 1 else (~values.number(operands[0])).number
-            elif name == "fmul":
-                other = operands[1 - k]
-                if other in values.fixed or values.of.get(other, ("",))[0] == "select":
-                    condition = (~values.number(other).equals(0.0)).number
-            both = folded(emit, "and", (truth, condition))
-            is_taken[a] = folded(emit, "or", (both, is_taken.get(a, False)))
-    return is_taken
-
-
-def _common_factors(instruction, operands, factors, D):
-    """Return, as bits, the components i for which the result of `instruction` is 0 if x_i is 0."""
-    everything = (1 << D) - 1
-    of = [
-        (everything if a == 0.0 else 0) if isinstance(a, float) else factors.get(a, 0)
-        for a in operands
-    ]
-    if instruction == "fmul":
-        return of[0] | of[1]
-    if instruction in ("fadd", "fsub", "max", "min", "select"):
-        return of[-2] & of[-1]
-    if instruction in ("fdiv", "fabs"):
-        return of[0]
-    if instruction == "pow":  # with a power below 1, a solution may leave 0
-        return of[0] if isinstance(operands[1], float) and operands[1] >= 1.0 else 0
-    record = RECORDS.get(instruction)
-    return of[0] if record and record.is_0_at_0 else 0

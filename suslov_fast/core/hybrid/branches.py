@@ -14,6 +14,7 @@ import operator
 from typing import NamedTuple
 
 from ..expressions.function_records import same
+from ..expressions.hybrid import Hybrid
 from ..expressions.programs import (
     Expressions,
     Values,
@@ -24,7 +25,7 @@ from ..expressions.programs import (
     renamed,
 )
 from ..expressions.projection import NOTHING
-from ..expressions.right_hand_side import Hybrid, RightHandSide
+from ..expressions.right_hand_side import RightHandSide
 from ..expressions.tables import LARGEST, Table, is_table
 from ..expressions.values import larger, operand_of, smaller
 from .double_crossings import double_crossings_of
@@ -177,8 +178,8 @@ def with_fixed_branches(values, results, P, by=(), twice=False, actions=(), inva
     # stays in the argument, as -24 floor(t / 24) in t - 24 floor(t / 24).
     rigid = values.fixed - depending(values.operations, by)
     shifted = {a: (p, q) for a, (p, q) in elapsed.shifts.items() if q in rigid}
-    kept = program_of(values.operations, invariants.operands)
-    events = event_set_of(actions, D, P, by, twice, kept) if actions else None
+    levels = program_of(values.operations, invariants.operands)
+    events = event_set_of(actions, D, P, by, twice, levels) if actions else None
     of_events = [action.surface for action in actions if action.surface is not None]
     of_events = [emitted(values, surface)[0] for surface in of_events]
     events_on_surfaces = [Surface("event", k) for k in range(len(of_events))]

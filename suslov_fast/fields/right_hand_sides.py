@@ -22,7 +22,7 @@ from ..core.hybrid.event_formulas import EventAction, KeyedProgram, with_paramet
 from .equations import Equations
 from .names import labels
 from .proofs import unproved
-from .terms import Terms
+from .terms import Terms, by_zeros
 
 _ONE = np.arange(1)
 _MOST_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
@@ -177,11 +177,9 @@ def of_terms(terms: Terms, D: int, wrt: Names, actions: Actions) -> list[OfMembe
     (indices, values), groups = terms.floats, []
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
     exists = rows != 0.0
-    patterns, which = exists[:1], np.zeros(len(rows), np.int64)
-    if not exists.all():
-        patterns, which = np.unique(exists, axis=0, return_inverse=True)
-    for k, pattern in enumerate(patterns):  # terms that exist decide what steps test: `of_one_sign`
-        members = np.flatnonzero(which.reshape(-1) == k)
+    same = [(pattern, np.arange(len(rows))) for pattern in exists[:1]]
+    alike = same if exists.all() else by_zeros(exists)
+    for pattern, members in alike:  # terms that exist decide what steps test: `of_one_sign`
         places, inputs = indices[:, pattern], rows[np.ix_(members, pattern)]
         full = full_quadratic(Terms(places, inputs), D) if wrt is None and not actions else None
         if full:

@@ -60,6 +60,18 @@ def without_zeros(indices: Any, values: Any) -> Terms:
     return Terms(np.ascontiguousarray(indices[:, is_there]), values[..., is_there])
 
 
+def by_zeros(exists: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64]]]:
+    """Yield which terms exist, and the members with these terms; `exists` (members, T) tells all.
+
+    Rows are compared as strings of bits: `np.unique` compares them number by number.
+    """
+    bits = np.packbits(exists, axis=1)
+    whole = bits.view(f"V{bits.shape[1]}")[:, 0]
+    _, first, which = np.unique(whole, return_index=True, return_inverse=True)
+    for k, pattern in enumerate(exists[first]):
+        yield pattern, np.flatnonzero(which == k)
+
+
 def with_one(x: FloatArray) -> FloatArray:
     """Return states (..., D + 1) with x_D = 1."""
     return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)

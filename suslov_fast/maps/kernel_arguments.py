@@ -13,6 +13,7 @@ from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
 from ..core.suslov.map_nd import FAR_FROM_0, NDSystem
+from ..fields import terms
 
 Arguments = tuple[NDArray[Any], ...]
 
@@ -44,9 +45,7 @@ def by_zeros(arguments: Any) -> Iterator[tuple[Any, Any]]:
     if len(values) == 1 or (nonzero := values != 0.0).all():
         yield ALL, arguments
         return
-    patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
-    for k, pattern in enumerate(patterns):
-        [where] = np.nonzero(which.ravel() == k)
+    for pattern, where in terms.by_zeros(nonzero):
         scheme = scheme_of(np.ascontiguousarray(step.indices[:, pattern]), step.D, stages)
         of_group = np.ascontiguousarray(values[where][:, pattern])
         yield where, (scheme, of_group, eps[where] if len(eps) > 1 else eps)

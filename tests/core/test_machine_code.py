@@ -82,6 +82,7 @@ def bits():
 """
 
 
+@pytest.mark.slow
 def test_bits_without_jit():
     """What Numba compiles runs as Python, and LLVM compiles as ever."""
     code = f"{WITHOUT_JIT}\nprint(*bits())"

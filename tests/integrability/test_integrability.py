@@ -584,6 +584,7 @@ def test_reversing_symmetries_that_are_not_all_listed():
     assert "involutions that take the map to its inverse: signed permutations" in repr(found)
 
 
+@pytest.mark.slow
 def test_parts_of_integrals_are_darboux_polynomials():
     """Also where det DPhi is too long to be factored, as for three waves."""
 

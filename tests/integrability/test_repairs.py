@@ -107,6 +107,7 @@ def texts_of(condition):
         yield condition.length, sympy.expand(sympy.sympify(condition.polynomials[0]))
 
 
+@pytest.mark.slow
 def test_two_letters_are_found():
     """Exponents with an integral, and repaired ones, which contain eps."""
     found = {str(values): entropy for values, entropy, _ in repairs(LINES, "b c", 4, letters="b c")}

@@ -224,6 +224,9 @@ def test_a_pivot_of_parameters_alone_may_be_0():
     assert system(field, 2.0).dimension == 2
 
 
+LARGE = 16  # lattices 16 x 16 are the smallest that SuperLU solves
+
+
 def neighbours(n):
     """Return the numbers of the four neighbours of the cells of a periodic lattice n x n."""
     cells = np.arange(n * n).reshape(n, n)
@@ -231,8 +234,8 @@ def neighbours(n):
 
 
 def test_steps_of_a_lattice(rng):
-    """Of 20 x 20, beside SciPy's sparse solver: reaction, diffusion, advection, a source."""
-    n = 20
+    """Of 16 x 16, beside SciPy's sparse solver: reaction, diffusion, advection, a source."""
+    n = LARGE
     east, west, north, south = neighbours(n)
 
     def lattice(u, k):
@@ -290,7 +293,7 @@ def test_members_of_a_family(rng, D):
             assert np.array_equal(own, exponents[k])
 
 
-def populations(rng, n=20):
+def populations(rng, n=LARGE):
     """Return a family of 2 lattices n x n of populations, which keep their signs."""
     near = neighbours(n)
     weights = rng.uniform(0.1, 0.3, size=(4, n * n))
@@ -303,7 +306,7 @@ def populations(rng, n=20):
 
 def test_poles_and_signs_in_large_lattices(rng):
     """SuperLU's steps tell of det A < 0, beside NumPy's determinant, and of signs that change."""
-    family, D = populations(rng), 400
+    family, D = populations(rng), LARGE**2
     assert not kernel.scheme_of(family.terms[0], D).step.usual
     for method, eps, parts in (
         ("auto", 0.2, [1.0]),
@@ -332,7 +335,7 @@ def test_poles_and_signs_in_large_lattices(rng):
 
 
 def test_large_lattices_on_poles_and_out_of_range(rng):
-    n = 20
+    n = LARGE
     near = neighbours(n)
     field = sf.Field(lambda u: u * (u + 0.1 * sum(u[each] for each in near)), n * n)
     assert not kernel.scheme_of(field.terms[0], n * n).step.usual
@@ -384,7 +387,7 @@ def other_factors(seed, *arguments, **options):
 
 
 def test_large_lattices_do_not_depend_on_the_processor(rng, monkeypatch):
-    field, x0 = populations(rng)[0], rng.uniform(0.2, 1.0, 400)
+    field, x0 = populations(rng)[0], rng.uniform(0.2, 1.0, LARGE**2)
     run = sf.iterate(field, x0, 1.0, 20)
     for seed in PROCESSORS[1:]:
         monkeypatch.setattr(superlu, "splu", partial(other_factors, seed))

@@ -376,6 +376,7 @@ def test_integrals_that_events_do_not_keep_leave_out_no_multiplier():
     assert periodic_orbit(field, [0.1, -1.0], 6.28, events=marker).stable
 
 
+@pytest.mark.slow_cases("8", "11")
 @pytest.mark.parametrize("turns", [5, 8, 11])
 def test_turns_of_an_unstable_orbit(turns):
     """Its multiplier is 64: Newton's method for all turns led to other orbits near it."""

@@ -445,18 +445,19 @@ def relays(given, of):
     return Field(f, "x y", **parameters)
 
 
-@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize(("turn", "level"), [
+    (1.0, 0.3), (-1.0, 1.0),
+    pytest.param(1.0, 1.0, marks=pytest.mark.slow), pytest.param(-1.0, 0.3, marks=pytest.mark.slow),
+])  # fmt: skip
 @pytest.mark.parametrize("by", ["d", "G d", "b C G d"])
-def test_two_surfaces_that_parameters_make_one(by, turn):
+def test_two_surfaces_that_parameters_make_one(by, turn, level):
     """Rows 0 and 2 of s = G x - d are one plane, y = d0, from t = d0 on; there x' = -1, y' = 0."""
     C = np.array([[2.0, -1.0, -2.0 * turn], [-1.0, 0.0, 0.0]])
     G = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, turn]])
-    for level in (1.0, 0.3):
-        d = [level, -1.0, level * turn]
-        field = relays(by, {"b": [0.0, 0.0], "C": C, "G": G, "d": d})
-        motion = flow(field, [-1.0, 0.0], time=[0.1, 2.0, 5.0])
-        assert motion.ok
-        np.testing.assert_allclose(motion.states, [[-1.1, 0.1], [-3, level], [-6, level]])
+    field = relays(by, {"b": [0.0, 0.0], "C": C, "G": G, "d": [level, -1.0, level * turn]})
+    motion = flow(field, [-1.0, 0.0], time=[0.1, 2.0, 5.0])
+    assert motion.ok
+    np.testing.assert_allclose(motion.states, [[-1.1, 0.1], [-3, level], [-6, level]])
 
 
 def test_a_surface_that_parameters_make_0_everywhere():

@@ -115,18 +115,25 @@ def test_the_readme(tmp_path, monkeypatch):
     plt.close("all")
     monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
-    with other_last_digits(None) as called:
-        for kind, code in all_blocks(README):
-            if kind == "python":
-                run(code, "README.md", {})
+    for kind, code in all_blocks(README):
+        if kind == "python":
+            run(code, "README.md", {})
     drawn = [plt.figure(number) for number in plt.get_fignums()]
     # Home has the same blocks, in another order.
     assert sorted(sizes_of(drawn)) == sorted(sizes_of_pictures("index"))
     plt.close("all")
-    for seed in PROCESSORS[1:] if called else ():
-        with other_last_digits(seed):
-            for code in blocks(README, "python"):
-                run(code, "README.md", {})
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", PROCESSORS[1:])
+def test_the_readme_on_other_processors(tmp_path, monkeypatch, seed):
+    matplotlib.use("Agg")
+    monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)
+    monkeypatch.chdir(tmp_path)
+    with other_last_digits(seed):
+        for code in blocks(README, "python"):
+            run(code, "README.md", {})
     plt.close("all")
 
 
@@ -139,7 +146,7 @@ def folder(tmp_path_factory):
 # shorter forms.
 LONG = "report.md", "discretization.md", "compiled.md", "confinement.md"
 LONG += "crossings.md", "diagrams.md", "many.md", "large.md", "poles.md", "tolerances.md"
-LONG += ("letters.md",)
+LONG += "letters.md", "stability.md", "theorems-with-letters.md"
 
 
 @pytest.mark.compiled

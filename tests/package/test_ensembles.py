@@ -86,9 +86,11 @@ def test_a_stopped_run_goes_on(tmp_path):
     assert (part.status.values == [0] * 4 + [-128] * 6).all()
     assert np.isnan(part.states.values[:, 4:]).all()
     assert not np.isnan(part.states.values[:, :4]).any()
+    # A chunk without its status, as by a kill while it was written, is computed again.
+    (store / "status/c/1").unlink()
     counts = []
     data = ensemble(BODY, X0, store, progress=lambda *n: counts.append(n[0]), **options)
-    assert counts == [4, 6, 8, 10]
+    assert counts == [2, 4, 6, 8, 10]
     same(data, iterate(BODY, X0, 0.1, 20))
 
 
@@ -113,19 +115,18 @@ kills = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has n
 
 
 @kills
+@pytest.mark.slow
 def test_a_killed_process_leaves_what_it_has_computed(tmp_path):
     store = tmp_path / "run"
     with children.start(KILLED, store, "waits") as child:
         assert child.stdout.readline() + child.stdout.readline() == "begins\ncomputed\n"
         child.send_signal(signal.SIGKILL)
     assert ((xarray.open_zarr(store).status.values == 0) == (np.arange(18) < 9)).all()
-    # A chunk without its status, as by a kill while it was written, is computed again.
-    (store / "status/c/1").unlink()
     counts = []
     data = ensemble(
         BODY, starts, store, eps=0.1, steps=20, chunks=6, progress=lambda *n: counts.append(n[0])
     )
-    assert counts == [6, 9, 12, 15, 18]
+    assert counts == [9, 12, 15, 18]
     same(data, iterate(BODY, STARTS, 0.1, 20))
 
 

@@ -7,11 +7,12 @@ x <- x - W J^T (J W J^T)**-1 (I(x) - c).
 Constraints of mechanics come first: a step moves coordinates q alone to g(q) = 0, and a step moves
 velocities v alone to phi(q, v) = 0. If there are first integrals, a step with all invariants
 follows. An integral that depends on the invariants before it, up to rounding, is left out: its
-pivot is ZERO_PIVOT of its diagonal entry or less, or its rounding error, ROUNDING_OF_INTEGRALS of
-the moduli of I_j x_j, would move x by more than the allowed errors. This last step is left out if
-it is longer than MOST_MOVE_TO_LEVELS allowed errors, or changes a sign that f keeps, as near states
-where J loses rank. Then `left_out_of` tells if I - c is larger than the change of I by the allowed
-errors. Functions that are not proved to be first integrals are tested along f, too (`changes_of`).
+pivot is ZERO_PIVOT of its diagonal entry or less. So is an I - c that may be rounding, as it is at
+most ROUNDING_OF_INTEGRALS of the moduli of I_j x_j, if the allowed errors change I by less. This
+last step is left out if it is longer than MOST_MOVE_TO_LEVELS allowed errors, or changes a sign
+that f keeps, as near states where J loses rank. Then `left_out_of` tells if I - c is larger than
+the change of I by the allowed errors. Functions that are not proved to be first integrals are
+tested along f, too (`changes_of`).
 
 Constraints must be independent along the motion: the matrix A = phi_v must keep its rank. Let A_0
 and A_1 be A at the ends of a step, and c_a and p_a the pivots of A_0 A_1^T and A_1 A_1^T. If the
@@ -104,15 +105,14 @@ class _Formulas:
     def moves(self, r, J, w, noise=()):
         """Return {j: the move of component j in units of w[j]} for I - c = r, and their square.
 
-        All are `Number`s. The square is the sum of their squares, r . mu. Pivots of the last rows
-        are larger than the `Number`s in `noise`.
+        All are `Number`s. The square is the sum of their squares, r . mu. `noise` has what may be
+        rounding in the last of r.
         """
         emit = self.values.emit
         scaled = [{j: emit("fmul", slope, w[j]) for j, slope in row.items()} for row in J]
-        first = len(J) - len(noise)
-        noise = {first + k: a for k, a in enumerate(noise)}
-        elimination = _Elimination(self.values, scaled, scaled, noise)
-        mu, moves = elimination.solution(r), {}
+        elimination = _Elimination(self.values, scaled, scaled)
+        noise = dict(enumerate(noise, len(J) - len(noise)))
+        mu, moves = elimination.solution(r, noise), {}
         for j in sorted({j for row in J for j in row}):
             pairs = [(row[j], mu[a]) for a, row in enumerate(scaled) if j in row]
             moves[j] = self.values.number(dot(emit, pairs))
@@ -123,13 +123,11 @@ class _Formulas:
 class _Elimination:
     """The elimination in G = A B^T, for rows A and B {j: operand} with the same places.
 
-    `noise` is {row: the least pivot}, if this is more than LEAST.
-
     pivots, diagonal  operands, in the order of elimination
     """
 
-    def __init__(self, values, A, B, noise=()):
-        self.values, emit, k, self.noise = values, values.emit, len(A), dict(noise)
+    def __init__(self, values, A, B):
+        self.values, emit, k = values, values.emit, len(A)
         self.is_symmetric, self.G = A is B, [{} for _ in A]
         for a in range(k):
             for b in range(a if A is B else 0, k):
@@ -150,10 +148,7 @@ class _Elimination:
         """Subtract multiples of row a from the rows that follow it in the order."""
         G, emit, number = self.G, self.values.emit, self.values.number
         pivot, least = number(G[a][a]), number(self.diagonal[n]) * ZERO_PIVOT
-        exists = pivot > least
-        if a in self.noise:
-            exists = exists & (pivot > self.noise[a])
-        inverse = exists.select(1.0 / pivot, 0.0).number
+        inverse = (pivot > least).select(1.0 / pivot, 0.0).number
         later = [b for b in self.order[n + 1 :] if b in G[a]]
         factors = [emit("fmul", G[b][a], inverse) for b in later]
         for m, (b, factor) in enumerate(zip(later, factors, strict=True)):
@@ -163,10 +158,17 @@ class _Elimination:
                     G[c][b] = G[b][c]
         self.steps.append((a, inverse, [*zip(later, factors, strict=True)]))
 
-    def solution(self, r):
-        """Return the solution mu of G mu = r for a symmetric G; 0 where the pivot is ZERO_PIVOT."""
+    def solution(self, r, noise):
+        """Return the solution mu of G mu = r for a symmetric G; 0 where the pivot is ZERO_PIVOT.
+
+        An entry of r up to `noise` {row: `Number`} counts as 0, if the pivot is below its square.
+        """
         emit, r, mu = self.values.emit, [*r], [None] * len(r)
-        for a, _, later in self.steps:
+        for pivot, (a, _, later) in zip(self.pivots, self.steps, strict=True):
+            if a in noise:
+                own = self.values.number(r[a])
+                counts = (self.values.number(pivot) > noise[a] * noise[a]) | (abs(own) > noise[a])
+                r[a] = counts.select(own, 0.0).number
             for b, factor in later:
                 r[b] = emit("fsub", r[b], emit("fmul", factor, r[a]))
         for a, inverse, later in reversed(self.steps):
@@ -197,7 +199,7 @@ def projection_of(f):
         r = [formulas.values.emit("fsub", a, 2 * D + n) for n, a in enumerate(values)]
         emit, integrals = formulas.values.emit, range(f.constraints_count, k)
         noise = [_terms(formulas.values, J[a], x) * ROUNDING_OF_INTEGRALS for a in integrals]
-        parts, square = formulas.moves(r, J, allowed, [a * a for a in noise])
+        parts, square = formulas.moves(r, J, allowed, noise)
         is_right, new = square <= MOST_MOVE_TO_LEVELS * MOST_MOVE_TO_LEVELS, {}
         for j, part in parts.items():
             new[j] = number(x[j]) - part * number(allowed[j])

@@ -38,7 +38,7 @@ CANCELLED_BY_PROJECTION = 2.0**-40
 # rank must stay above NEAR_LOSS_OF_RANK allowed errors.
 FALL_OF_RANK, NEAR_LOSS_OF_RANK = 2.0, 8.0
 ROUNDING_OF_PIVOTS = 2.0**-46  # rounding errors of pivots, as a part of their diagonal entries
-ROUNDING_OF_INTEGRALS = 2.0**-50  # rounding errors of integrals, as a part of the moduli of I_j x_j
+ROUNDING_OF_INTEGRALS = 2.0**-51  # rounding errors of integrals, as a part of the moduli of I_j x_j
 # A function I changes along f if dI/dt is larger than CHANGE_OF_INTEGRALS times the moduli of its
 # terms, and ROUNDING_OF_CHANGES times its size before cancellation. In a step of the length h, I
 # then changes by more than PART_OF_CHANGE of h dI/dt, and ROUNDING_OF_CHANGES times its size.

@@ -1,12 +1,14 @@
 """Solve the problems of `standard_problems` by `flow` and by SciPy, and write a table for the docs.
 
 `python bench/standard.py` writes `results/standard.json` and `results/standard.md`. Each problem is
-solved once from its start at three tolerances. The error at the last time is divided by the error
+solved once from its start at four tolerances. The error at the last time is divided by the error
 that the tolerance allows: rtol times the largest modulus that the component has had, as is the
-default of `flow`, or atol + rtol abs(y). References are published end values; if there are none,
-they come from DOP853 at 1e-13 for problems that are not stiff, else from Radau at 1e-11 or, where
-Radau takes long, from LSODA at 1e-12. `--references` computes them again. This package compiles its
-right-hand sides, and gcc compiles those for SciPy. SciPy's solvers take derivatives by differences.
+default of `flow`, or atol + rtol abs(y). References have 113 bits (`peers/quadruple.c`) if this
+takes at most MINUTES; else they are published end values, or come from DOP853 at 1e-13 for
+problems that are not stiff, else from Radau at 1e-11 or, where Radau takes long, from LSODA at
+1e-12: these are not compared at the last tolerance. `--references` computes them again. This
+package compiles its right-hand sides, and gcc compiles those for SciPy. SciPy's solvers take
+derivatives by differences.
 """
 
 import argparse
@@ -34,8 +36,10 @@ from tables import caption, figure
 
 from suslov_fast import Field, flow
 
-RTOL = 1e-4, 1e-6, 1e-9
+RTOL = 1e-4, 1e-6, 1e-9, 1e-12
 FOLDER = results.BENCH / "results"
+MINUTES, MOST = 1, 32  # for a reference in 113 bits, and its most variables
+EXACT = "113 bits"
 PATIENCE = 2.0  # seconds for a solver of SciPy, 20 times as many for a reference
 EXPLICIT = "PLEI", "RING", "BEAM"  # other references that DOP853 reaches
 TINY = 2.0**-20  # of the largest component: smaller ones have no relative digits by default
@@ -49,14 +53,19 @@ def field_of(problem):
     return Field(lambda y: f(y, np), D)
 
 
-def right_hand_side(problem, folder):
-    """Return f(t, y) for SciPy, compiled by gcc."""
+def lines_in_c(problem, kind):
+    """Return lines of C that read t and x, and write the rates to `out`; `kind` is a type."""
     names = ["t", *(f"x{i}" for i in range(problem.D))]
     lines, found = lines_of(lambda z: problem.rates(z[0], z[1:], FUNCTIONS), names)
+    text = [f"{kind} x{i} = x[{i}];" for i in range(problem.D)]
+    text += [f"{kind} {result} = {value};" for result, value in lines]
+    return text + [f"out[{i}] = {result};" for i, result in enumerate(found)]
+
+
+def right_hand_side(problem, folder):
+    """Return f(t, y) for SciPy, compiled by gcc."""
     text = ["#include <math.h>", "void rates(double t, const double *x, double *out) {"]
-    text += [f"double x{i} = x[{i}];" for i in range(problem.D)]
-    text += [f"double {result} = {value};" for result, value in lines]
-    text += [f"out[{i}] = {result};" for i, result in enumerate(found)] + ["}"]
+    text += [*lines_in_c(problem, "double"), "}"]
     source, library = Path(folder, f"{id(problem)}.c"), Path(folder, f"{id(problem)}.so")
     source.write_text("\n".join(text))
     command = ["gcc", "-O1", "-march=native", "-shared", "-fPIC", source, "-o", library, "-lm"]
@@ -139,8 +148,29 @@ def peer_atol(problem, scale, rtol):
     return 1e-3 * rtol * np.maximum(scale, TINY * scale.max())
 
 
-def reference(problem, right, scale):
+def in_quadruple(problem, folder):
+    """Return the end by `peers/quadruple.c`, None if it takes long."""
+    if problem.D > MOST or problem.breaks:
+        return None
+    D, path = problem.D, results.BENCH / "peers" / "quadruple.c"
+    text = [f"#define D {D + 1}", "static void rates(const Q *x, Q *out) {", f"Q t = x[{D}];"]
+    text += [*lines_in_c(problem, "Q"), f"out[{D}] = 1;", "}"]
+    source, program = Path(folder, "quadruple.c"), Path(folder, "quadruple")
+    source.write_text(path.read_text().replace("\nRATES\n", "\n".join(text)))
+    subprocess.run(["gcc", "-O2", source, "-o", program, "-lquadmath"], check=True)
+    start = map(repr, (problem.time, *map(float, problem.start), 0.0))
+    options = {"capture_output": True, "text": True, "timeout": 60 * MINUTES}
+    try:
+        done = subprocess.run([program, *start], check=True, **options)
+    except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
+        return None
+    return [*map(float, done.stdout.split())]
+
+
+def reference(problem, right, scale, folder):
     """Return the end, and where it comes from."""
+    if (found := in_quadruple(problem, folder)) is not None:
+        return found, EXACT
     if problem.known is not None:
         return [*problem.known], "published"
     size = problem.size if problem.size is not None else 1e-3 * scale
@@ -169,8 +199,8 @@ def measure(problem, known, folder):
     """Return the results of a problem; `known` is its stored (end, method), or None."""
     field, right = field_of(problem), right_hand_side(problem, folder)
     scale = scale_of(problem, field)
-    if known is None or problem.known is not None:
-        known, method = reference(problem, right, scale)
+    if known is None:
+        known, method = reference(problem, right, scale, folder)
     else:
         known, method = known
     record = {"group": problem.group, "name": problem.name, "D": problem.D, "end": known}
@@ -178,7 +208,7 @@ def measure(problem, known, folder):
     if known is None:
         return record
     known = np.array(known)
-    for rtol in RTOL:
+    for rtol in RTOL if method == EXACT else RTOL[:-1]:
         atol = peer_atol(problem, scale, rtol)
         calls = {
             "flow": partial(by_flow, problem, field, rtol, [problem.time]),
@@ -204,8 +234,13 @@ METHODS = "flow", "LSODA", "Radau", "DOP853"
 def page(content):
     """Return the text of the docs: a table for each tolerance."""
     info = SimpleNamespace(machine=content["machine_info"], date=content["datetime"])
-    text = [f"Times are those of the processor, measured on {caption(info)}.\n"]
+    text = [f"Times are those of the processor, measured on {caption(info)}."]
+    if exact := sum(each["by"] == EXACT for each in content["problems"]):
+        text.append(f"End values of {exact} problems are computed in {EXACT}.")
+    text[-1] += "\n"
     for k, rtol in enumerate(RTOL):
+        if not any(len(each["rows"]) > k for each in content["problems"]):
+            continue
         text.append(f"**rtol = {rtol:.0e}**".replace("e-0", "e-") + "\n")
         head = ["", "D", *(f"error: {m}" for m in METHODS), "steps: flow"]
         head += [f"ms: {m}" for m in METHODS]
@@ -215,7 +250,9 @@ def page(content):
             if record["group"] != group:
                 group = record["group"]
                 text.append(f"| *{group}*" + " |" * len(head))
-            row = record["rows"][k] if record["rows"] else {}
+            row = record["rows"][k] if len(record["rows"]) > k else {}
+            if not row and rtol == RTOL[-1]:
+                continue
             found = [row.get(m) for m in METHODS]
             cells = [record["name"], str(record["D"])]
             errors = (None if each is None else each[0] for each in found)
@@ -244,7 +281,8 @@ def main():
             if not f"{problem.group}: {problem.name}".startswith(options.select):
                 continue
             known = stored.get(key)
-            if options.references or known is None or known["end"] is None:
+            is_kept = known is not None and (known["by"] == EXACT or problem.D > MOST)
+            if options.references or not is_kept:
                 known = None
             else:
                 known = known["end"], known["by"]

@@ -8,9 +8,9 @@ from typing import Any
 
 from ..core.expressions.function_records import same
 from .symbols import Symbol, Untraceable, asked
+from .tolerances import MOST_PATHS
 from .tracer import Tracer
 
-MOST = 64  # the most paths, and the most decisions on one of them
 # Comparisons of a value a with a constant c, by whether a comes first: whether a is below a cut
 # when they are true, and the place of this cut: 0 just below c, 1 just above it.
 _CUTS = {
@@ -55,7 +55,7 @@ class _Path:
                 return known[key]
         if (implied := self._implied(key)) is not None:
             return implied
-        if len(self.given) + len(self.new) >= MOST:
+        if len(self.given) + len(self.new) >= MOST_PATHS:
             raise asked(str(symbol))
         self.new[key] = True
         self._note(key, True)
@@ -145,7 +145,7 @@ class _Paths:
         questions = [*path.new]
         for k in reversed(range(len(questions))):
             key = questions[k]
-            if self.count >= MOST:
+            if self.count >= MOST_PATHS:
                 raise asked(str(Symbol(tracer, key)))
             others = self.along({**taken, **dict.fromkeys(questions[:k], True), key: False})
             rows, others = rows or [math.nan] * len(others), others or [math.nan] * len(rows)

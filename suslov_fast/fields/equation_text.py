@@ -19,20 +19,21 @@ import numpy as np
 
 from ..checks import short
 from ..core.expressions.function_records import FUNCTIONS, RECORDS, same
+from .tolerances import (
+    DEEPEST_READ,
+    DEEPEST_WRITTEN,
+    LARGEST_DENOMINATOR,
+    LONGEST_DECIMAL,
+    LONGEST_EQUATION,
+    LONGEST_EQUATIONS,
+)
 
-_DEEPEST = 40  # the most nested operations in a written text; deeper parts become definitions
-_DEEPEST_READ = 100  # the most nested operations in a text that is read; more raise an error
-_LONGEST = 2_000_000  # the most characters of an equation, such as a table of 50,000 knots
-_MOST_TEXT = 20_000_000  # the most characters of all equations together
 _INSTRUCTIONS = {
     "fadd": "add", "fsub": "subtract", "fmul": "multiply", "fdiv": "divide", "fabs": "absolute",
     "select": "where", "olt": "less", "ogt": "greater", "oge": "greater_equal", "oeq": "equal",
     "and": "logical_and", "or": "logical_or", "xor": "logical_xor", "max": "maximum",
     "min": "minimum", **{record.instruction: record.name for record in RECORDS.values()},
 }  # fmt: skip
-# A constant of more than _LONGEST_DECIMAL characters is written as a ratio if a ratio with a
-# denominator up to _MOST_DENOMINATOR equals the constant.
-_LONGEST_DECIMAL, _MOST_DENOMINATOR = 14, 999
 _NONE: dict[float, Fraction] = {}
 # The precedence of operators in Python: signs with larger numbers bind tighter.
 _CALL, _UNARY = 10, 8
@@ -59,8 +60,8 @@ def _number(c: float, ratios: Mapping[float, Fraction] = _NONE) -> tuple[str, in
     """Return the text of a constant, such as 0.1 or 8/3, and how tightly its sign binds."""
     is_whole = c == np.floor(c) and abs(c) < 1e15 and not same(c, -0.0)
     text = str(int(c)) if is_whole else repr(c)
-    if len(text) > _LONGEST_DECIMAL and math.isfinite(c):
-        ratio = ratios.get(c) or Fraction(c).limit_denominator(_MOST_DENOMINATOR)
+    if len(text) > LONGEST_DECIMAL and math.isfinite(c):
+        ratio = ratios.get(c) or Fraction(c).limit_denominator(LARGEST_DENOMINATOR)
         if float(ratio) == c and max(abs(ratio.numerator), ratio.denominator) < 2**53:
             return str(ratio), _LEVELS["divide"]
     return text, _UNARY if text.startswith("-") else _CALL
@@ -141,7 +142,7 @@ def written(
         parts = [_number(b, ratios) if isinstance(b, float) else texts[b] for b in operands]
         texts[a] = _joined(name, parts, tables)
         depths[a] = 1 + max((depths.get(b, 0) for b in _numbers(operands)), default=0)
-        if defines and ((uses[a] > 1 and operands) or depths[a] >= _DEEPEST):
+        if defines and ((uses[a] > 1 and operands) or depths[a] >= DEEPEST_WRITTEN):
             new = next(each for each in free if each not in names)
             definitions[new], texts[a], depths[a] = texts[a][0], (new, _CALL), 0
     rows = [_number(a, ratios) if isinstance(a, float) else texts[a] for a in results]
@@ -186,8 +187,8 @@ def values_of(
     length = 0
     for name, text in texts:
         length += len(text) if isinstance(text, str) else 0
-        if length > _MOST_TEXT:
-            raise ValueError(f"equations: all have more than {_MOST_TEXT} characters")
+        if length > LONGEST_EQUATIONS:
+            raise ValueError(f"equations: all have more than {LONGEST_EQUATIONS} characters")
         tree = _parsed(text)
         try:
             known[name] = _value(tree, known, calls, 0)
@@ -200,8 +201,8 @@ def values_of(
 
 def _parsed(text: Any) -> Any:
     """Return the syntax tree of a formula."""
-    if not isinstance(text, str) or len(text) > _LONGEST or not _CHARACTERS.fullmatch(text):
-        how = f"a text of at most {_LONGEST} characters, names, numbers and signs of Python"
+    if not isinstance(text, str) or len(text) > LONGEST_EQUATION or not _CHARACTERS.fullmatch(text):
+        how = f"a text of at most {LONGEST_EQUATION} characters, names, numbers and signs of Python"
         if ":" in str(text):
             how = "a formula, without units and : signs"
         if "[" in str(text):
@@ -216,8 +217,8 @@ def _parsed(text: Any) -> Any:
 
 def _value(node: Any, known: Mapping[str, Any], calls: Any, depth: int) -> Any:
     """Return the value of a syntax tree; `depth` counts the operations around it."""
-    if depth > _DEEPEST_READ:
-        raise ValueError(f"equations: more than {_DEEPEST_READ} operations in each other")
+    if depth > DEEPEST_READ:
+        raise ValueError(f"equations: more than {DEEPEST_READ} operations in each other")
     chain = []
     while isinstance(node, ast.BinOp):  # long sums (a + b) + c + ... do not count as deep
         chain.append(node)

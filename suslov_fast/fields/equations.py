@@ -16,9 +16,8 @@ from ..core.expressions.programs import Expressions, Program, emitted, in_order,
 from ..core.expressions.projection import Invariants
 from ..core.expressions.right_hand_side import RightHandSide
 from .equation_text import brief, written
+from .tolerances import LONGEST_SHORTENED
 from .tracer import Tracer
-
-LONGEST = 300  # the most characters of a shortened formula, as in `repr`
 
 
 class Equations:
@@ -163,7 +162,7 @@ class Equations:
 
     def shown(self, operand: Any) -> str:
         """Return the text of an operand for readers."""
-        return brief(self.values, operand, self.all_names, LONGEST, self.ratios)
+        return brief(self.values, operand, self.all_names, LONGEST_SHORTENED, self.ratios)
 
     def energy(self, x: Any, parameters: Any) -> Any:
         """Return H (...) at states (D, ...)."""

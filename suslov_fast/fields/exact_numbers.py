@@ -14,10 +14,7 @@ import numpy as np
 
 from ..checks import OF_SYMBOLS, common_shape, kind_of, real_array, refuse, short, spelled, wrong
 from .names import check_parameter
-
-# The most characters of a number in a text, and the largest exponent of 10 in a decimal: it would
-# take minutes to make the fraction 1e99999999.
-_LONGEST_NUMBER, _LARGEST_EXPONENT = 10_000, 400
+from .tolerances import LARGEST_DECIMAL_EXPONENT, LONGEST_NUMBER
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -101,10 +98,10 @@ def from_lists(name: str, value: Any) -> Any:
 
 def from_text(text: str) -> Fraction:
     """Return the number in a text, such as 1/3, 0.1 or 1e6; raise ValueError if there is none."""
-    if len(text) > _LONGEST_NUMBER:
+    if len(text) > LONGEST_NUMBER:
         raise ValueError(text)
     exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
-    if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
+    if exponent and abs(int(exponent[1])) > LARGEST_DECIMAL_EXPONENT:
         raise ValueError(text)
     try:
         return Fraction(text)

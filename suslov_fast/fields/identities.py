@@ -13,9 +13,8 @@ from typing import Any
 
 from ..core.expressions.programs import depending, needed_for
 from .polynomials import Polynomial, constant, difference, product, total
+from .tolerances import LARGEST_POWER, MOST_PRODUCTS_OF_TERMS
 
-_MOST = 200_000  # the most products of terms, which take about half a second
-_LARGEST = 12  # the largest exponent of a power that is multiplied out
 _FIRST_ROOT = 2**40  # the first letter for a square root
 _ONE: Polynomial = {(): Fraction(1)}
 
@@ -28,7 +27,7 @@ class _Quotients:
     """Formulas as quotients (N, D) of polynomials, in a limited time."""
 
     def __init__(self, operations: Sequence[Any], ratios: Mapping[float, Fraction]) -> None:
-        self.operations, self.ratios, self.left = operations, ratios, _MOST
+        self.operations, self.ratios, self.left = operations, ratios, MOST_PRODUCTS_OF_TERMS
         self.roots: dict[int, Polynomial] = {}  # {letter: its square}
         self.rules: dict[str, Any] = {
             "fadd": self._sum, "fsub": self._difference, "fmul": self._product,
@@ -84,7 +83,7 @@ class _Quotients:
 
     def _power(self, a: Any, exponent: Any) -> Any:
         n = exponent[0].get((), Fraction(0)) if exponent[0].keys() <= {()} else Fraction(1, 2)
-        if exponent[1] != _ONE or n.denominator > 2 or not 0 < abs(n) <= _LARGEST:
+        if exponent[1] != _ONE or n.denominator > 2 or not 0 < abs(n) <= LARGEST_POWER:
             return None
         if n.denominator == 2 and (a := self._root(a)) is None:
             return None

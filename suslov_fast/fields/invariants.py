@@ -17,10 +17,9 @@ from .equations import Equations
 from .layout import Layout
 from .mechanics import Mechanics
 from .proofs import changes_of
+from .tolerances import SAMPLES_OF_FAMILY, SAMPLES_OF_MEMBER
 from .tracer import Tracer
 from .user_function import UserFunction
-
-_SAMPLES, _MOST = 24, 2**18  # random states for each member, and of all members
 
 
 def conserving(field: Any, given: Sequence[Callable[..., Any]]) -> tuple[Layout, Equations]:
@@ -67,7 +66,7 @@ def check(field: Any) -> None:
     members = int(np.prod(shape))
     if changes is None or not members:
         return
-    count = max(4, min(_SAMPLES, _MOST // members))
+    count = max(4, min(SAMPLES_OF_MEMBER, SAMPLES_OF_FAMILY // members))
     x = np.random.default_rng(3).normal(size=(count, *(1,) * len(shape), D))
     x *= 10.0 ** np.linspace(-1.0, 0.3, count).reshape(count, *(1,) * (len(shape) + 1))
     if "residuals" in field._quantities:

@@ -24,12 +24,11 @@ from ..core.expressions.programs import program_of
 from .mass import Samples, is_zero, less, product_of, solved, sum_of
 from .names import variables, with_time
 from .symbols import Symbol, Symbols
+from .tolerances import LEAST_EIGENVALUE_OF_MASS, SAMPLES_OF_MASS
 from .tracer import Tracer
 from .trigonometry import shorter
 from .user_function import UserFunction
 
-_SAMPLES = 24  # random states at which M is tested
-_LEAST = 1e-13  # least eigenvalue of a positive definite M with 1 on its diagonal
 _FUNCTION = "a function of (q, v), or (q, v, t), and of parameters by name"
 
 
@@ -310,10 +309,11 @@ def _weight(tracer: Tracer, M: Any, A: Any, parameters: Mapping[str, Any]) -> tu
     """Return if M + w A^T A is positive definite at random states, and w."""
     if not len(M):  # constraints have determined all velocities
         return True, 0.0
-    numbers = np.random.default_rng(1).normal(size=(tracer.D, _SAMPLES))
-    numbers *= 10.0 ** np.linspace(-1.0, 0.5, _SAMPLES)
+    numbers = np.random.default_rng(1).normal(size=(tracer.D, SAMPLES_OF_MASS))
+    numbers *= 10.0 ** np.linspace(-1.0, 0.5, SAMPLES_OF_MASS)
     given = [
-        np.full(_SAMPLES, float(np.ravel(np.asarray(a, float))[0])) for a in parameters.values()
+        np.full(SAMPLES_OF_MASS, float(np.ravel(np.asarray(a, float))[0]))
+        for a in parameters.values()
     ]
     matrices = [[tracer.number(a) for a in matrix.ravel()] for matrix in (M, A)]
     values: dict[Any, Any] = dict(enumerate([*numbers, *given]))
@@ -322,9 +322,12 @@ def _weight(tracer: Tracer, M: Any, A: Any, parameters: Mapping[str, Any]) -> tu
     found = []
     for matrix, operands in zip((M, A), matrices, strict=True):
         rows = [
-            np.broadcast_to(a if isinstance(a, float) else values[a], _SAMPLES) for a in operands
+            np.broadcast_to(a if isinstance(a, float) else values[a], SAMPLES_OF_MASS)
+            for a in operands
         ]
-        found.append(np.reshape(rows, (*matrix.shape, _SAMPLES)).astype(float).transpose(2, 0, 1))
+        found.append(
+            np.reshape(rows, (*matrix.shape, SAMPLES_OF_MASS)).astype(float).transpose(2, 0, 1)
+        )
     finite = np.all([np.isfinite(each).all((1, 2)) for each in found], axis=0)
     inertia, squares = found[0][finite], (found[1].transpose(0, 2, 1) @ found[1])[finite]
     has_numbers = all(isinstance(a, float) for a in matrices[0])
@@ -342,7 +345,7 @@ def _is_definite(matrices: Any) -> bool:
     sizes = np.sqrt(abs(np.einsum("sii->si", matrices)))
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     scaled = matrices / sizes[:, :, None] / sizes[:, None, :]
-    return bool((np.linalg.eigvalsh(scaled)[:, 0] > _LEAST).all())
+    return bool((np.linalg.eigvalsh(scaled)[:, 0] > LEAST_EIGENVALUE_OF_MASS).all())
 
 
 def _structure_constants(algebra: Any, m: int) -> Any:

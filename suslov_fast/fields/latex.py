@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from .names import latex
+from .tolerances import LONGEST_LATEX
 
-_LONGEST = 4000  # the most characters of equations that are shown in LaTeX
 _SIGNS: dict[type, str] = {
     ast.Add: " + ", ast.Sub: " - ", ast.Mult: r" \, ", ast.BitAnd: r" \land ", ast.BitOr: r" \lor ",
     ast.BitXor: r" \oplus ", ast.Mod: r" \bmod ", ast.Lt: " < ", ast.Gt: " > ", ast.LtE: r" \le ",
@@ -38,7 +38,7 @@ def symbol(name: str) -> str:
 
 def equations(rows: Sequence[tuple[str, str]]) -> str | None:
     """Return equations of left sides, in LaTeX, and texts; None if a text is no formula."""
-    if sum(len(text) for _, text in rows) > _LONGEST:
+    if sum(len(text) for _, text in rows) > LONGEST_LATEX:
         return None
     try:
         lines = [rf"{left} &= {formula(text)}" for left, text in rows]

@@ -10,11 +10,10 @@ import numpy as np
 
 from .mass import Samples, product_of, solved, sum_of
 from .symbols import Symbol, Symbols, Untraceable, is_complex
+from .tolerances import MOST_ROWS
 
-_MOST = 12  # rows of matrices; of determinants 6, as there are 2**n minors
 
-
-def _entries(name: str, a: Any, most: int = _MOST) -> list[list[Any]]:
+def _entries(name: str, a: Any, most: int = MOST_ROWS) -> list[list[Any]]:
     """Return the rows of a square matrix of real symbols and numbers."""
     a = np.asarray(a, object)
     if a.ndim != 2 or len(a) != a.shape[1] or len(a) > most:

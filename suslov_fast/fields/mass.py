@@ -19,16 +19,17 @@ from ..checks import real_array, short, wrong
 from ..core.expressions.numpy_evaluation import evaluate
 from .complex_symbols import parts_of_number
 from .symbols import Symbol
+from .tolerances import (
+    LEAST_CONDITION,
+    MOST_EQUATIONS_OF_CRAMER,
+    PART_OF_CANCELLED_SAMPLES,
+    ROUNDING_OF_DIFFERENCE,
+    SAMPLES_OF_DIFFERENCE,
+)
 
 if TYPE_CHECKING:
     from .tracer import Tracer
     from .user_function import UserFunction
-
-_LEAST = 1e-14  # a matrix of numbers is singular if 1 / condition number is below this
-# A difference counts as 0 if it is below _CANCELLED times its terms' moduli in a fraction _MOST or
-# more of _SAMPLES random states. At the others rounding errors may be larger, by elimination.
-_MOST, _SAMPLES, _CANCELLED = 0.8, 32, 1e-11
-MOST = 4  # the most equations that Cramer's rule solves: for n equations it needs 2**n minors
 
 
 def check_both(f: UserFunction, mass: Any, names: Any, parameters: Mapping[str, Any]) -> None:
@@ -72,7 +73,7 @@ def _inverse(matrix: Any) -> list[list[float]]:
     """
     rows = abs(matrix).max(axis=1, keepdims=True)
     scaled = matrix / np.where(rows > 0, rows, 1.0)
-    if np.linalg.cond(scaled) * _LEAST > 1:
+    if np.linalg.cond(scaled) * LEAST_CONDITION > 1:
         raise _singular()
     D = len(matrix)
     both = np.hstack([matrix, np.eye(D)])
@@ -114,9 +115,11 @@ class Samples:
     """The values of formulas at random states, to test if one is 0 or changes its sign."""
 
     def __init__(self, tracer: Tracer) -> None:
-        numbers = np.random.default_rng(0).normal(size=(len(tracer.names), _SAMPLES))
+        numbers = np.random.default_rng(0).normal(size=(len(tracer.names), SAMPLES_OF_DIFFERENCE))
         self._expressions, self._done = tracer.values, 0
-        self._values = dict(enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, _SAMPLES)))
+        self._values = dict(
+            enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, SAMPLES_OF_DIFFERENCE))
+        )
 
     def is_zero(self, a: Any) -> bool:
         """Return True if a formula is 0, or a difference of equal terms at nearly all states."""
@@ -128,8 +131,8 @@ class Samples:
         difference = abs(self._at(a.operand))
         with np.errstate(all="ignore"):
             terms = sum(abs(self._at(each)) for each in operands)
-            is_small = (difference <= _CANCELLED * terms)[np.isfinite(difference)]
-        return bool(len(is_small) and is_small.mean() >= _MOST)
+            is_small = (difference <= ROUNDING_OF_DIFFERENCE * terms)[np.isfinite(difference)]
+        return bool(len(is_small) and is_small.mean() >= PART_OF_CANCELLED_SAMPLES)
 
     def changes_sign(self, a: Any) -> bool:
         """Return True if a formula is above 0 at some states, and below 0 at others."""
@@ -166,7 +169,7 @@ def solved(
     while rows:
         i, j = _pivot(a, rows, columns, is_symmetric, samples.is_zero, first)
         is_safe = is_definite and is_symmetric and i == j
-        if len(rows) <= MOST and not is_safe and samples.changes_sign(a[i][j]):
+        if len(rows) <= MOST_EQUATIONS_OF_CRAMER and not is_safe and samples.changes_sign(a[i][j]):
             for j, value in zip(columns, _by_cramer(a, b, rows, columns, samples), strict=True):
                 x[j] = value
             break

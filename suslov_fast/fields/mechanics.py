@@ -9,10 +9,9 @@ import numpy as np
 from ..checks import FloatArray, common_shape, first_index, spell, wrong
 from ..keywords import Answering, public
 from .constraints import constraints_of
+from .tolerances import LAST_STEP_TO_CONSTRAINTS, NEWTON_STEPS_TO_CONSTRAINTS
 
 _MADE = "Field.from_lagrangian(L, names, constraints=...) makes one"
-_STEPS = 64  # the most steps of Newton's method to constraints
-_AT_REST = 2.0**-50  # a step that moves a state by this part of its size is the last one
 
 
 class Mechanics(metaclass=Answering):
@@ -191,10 +190,12 @@ class Mechanics(metaclass=Answering):
         parts = slice(0, first), slice(first, last)
         with np.errstate(all="ignore"):
             for part in parts if has_positions else parts[1:]:
-                for _ in range(_STEPS):
+                for _ in range(NEWTON_STEPS_TO_CONSTRAINTS):
                     change = self.at("corrections", x)[..., part]
                     x[..., part] += change
-                    if not (abs(change) > _AT_REST * abs(x).max(axis=-1, keepdims=True)).any():
+                    if not (
+                        abs(change) > LAST_STEP_TO_CONSTRAINTS * abs(x).max(axis=-1, keepdims=True)
+                    ).any():
                         break
             constraints: Any = constraints_of(self._field)
             is_on, *_ = constraints.tested(x, self._field._inputs)

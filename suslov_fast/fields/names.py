@@ -10,9 +10,8 @@ import numpy as np
 
 from ..checks import arguments_of, integer, short, wrong
 from .layout import TIME as TIME, Layout, layout_of, unpaired, with_complex, without_suffix
+from .tolerances import LONGEST_NAME, MOST_VARIABLES
 
-# Limits of files: the characters of a name, and the number of variables.
-_LONGEST_NAME, _MOST_VARIABLES = 200, 2**20
 OF_TIME = "f(t, y) or f(y, t) takes the time, first or second, and t has no value or default"
 # Names that a parameter cannot have, and what they stand for.
 _TAKEN = {
@@ -69,8 +68,8 @@ def variables(given: Any, D: int | None = None) -> tuple[str, ...]:
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
         names = [str(each) if hasattr(each, "free_symbols") else each for each in given]
     elif D is None:
-        expected = f'an integer from 1 to {_MOST_VARIABLES}, or names: "u v w"'
-        return labels(integer("names", given, 1, expected, _MOST_VARIABLES))
+        expected = f'an integer from 1 to {MOST_VARIABLES}, or names: "u v w"'
+        return labels(integer("names", given, 1, expected, MOST_VARIABLES))
     else:
         raise wrong("names", 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
@@ -80,8 +79,8 @@ def variables(given: Any, D: int | None = None) -> tuple[str, ...]:
         raise wrong("names", 'the names of variables, as in Field(f, "x v")', short(given))
     if D is not None and len(names) != D:
         raise wrong("names", f"one name for each of {D} variables", f"{len(names)}: {short(given)}")
-    if len(names) > _MOST_VARIABLES:
-        raise wrong("names", f"at most {_MOST_VARIABLES} names", f"{len(names)}")
+    if len(names) > MOST_VARIABLES:
+        raise wrong("names", f"at most {MOST_VARIABLES} names", f"{len(names)}")
     before: set[str] = set()
     for name in names:
         reason = _refused(name)
@@ -120,8 +119,8 @@ def with_time(parts: tuple[str, ...], has_time: bool) -> Layout:
 
 def _refused(name: str) -> str:
     """Return why a variable or parameter cannot have this name; "" if it can."""
-    if len(name) > _LONGEST_NAME:
-        return f"is longer than {_LONGEST_NAME} characters"
+    if len(name) > LONGEST_NAME:
+        return f"is longer than {LONGEST_NAME} characters"
     name = without_suffix(name)  # parts of complex variables
     plain = unicodedata.normalize("NFKC", name)  # as Python reads it in source text
     if plain != name and plain.isidentifier():

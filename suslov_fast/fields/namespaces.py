@@ -30,9 +30,9 @@ from .script_functions import (
     taking_lists,
 )
 from .symbols import Symbols
+from .tolerances import MOST_ENTRIES
 
 _KEPT = {*sys.stdlib_module_names, "numpy", "scipy", "numba", "suslov_fast"} - {"__main__"}
-_MOST_ENTRIES = 100  # longer lists hold data
 _PLAIN = {float, int, complex, str, bool, bytes, type(None), type, np.ndarray, np.float64}
 _OF_PYTHON = 1 << 9  # the flag of classes that are made by Python code
 _CACHED = type(functools.lru_cache(lambda: None))
@@ -188,7 +188,7 @@ class Names:
 
     def _entries(self, value: Any) -> Any:
         """Return a list, tuple or dictionary of what f finds in place of its entries."""
-        if len(value) > _MOST_ENTRIES:
+        if len(value) > MOST_ENTRIES:
             return value
         self._keep(value, value)  # it may contain itself
         old = [*value.values()] if isinstance(value, dict) else value

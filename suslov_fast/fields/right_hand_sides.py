@@ -23,14 +23,15 @@ from .equations import Equations
 from .names import labels
 from .proofs import unproved
 from .terms import Terms, by_zeros
+from .tolerances import (
+    CALLS_BEFORE_COMPILING,
+    MOST_LISTS_OF_EVENTS,
+    MOST_OPERATIONS_COMPILED,
+    TERMS_OF_FULL_FIELD,
+)
 
 _ONE = np.arange(1)
-_MOST_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
 _WITH_BRANCHES = {"select", "max", "min", "fabs", "floor", *OF_TRUTH_VALUES}
-# A program of up to _MOST_OPERATIONS operations is compiled after _PATIENCE calls in NumPy, because
-# compiling it takes no longer than these calls took.
-_PATIENCE, _MOST_OPERATIONS = 500, 3000
-_LONG = 4000  # number of terms above which loops, not a list, compute f if few coefficients are 0
 
 # Parameters with respect to which motions are differentiated, in addition to their initial states;
 # None for motions without derivatives.
@@ -141,7 +142,11 @@ def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None
     calls = vars(f).setdefault("calls", {})  # by name: the number of calls, later `by_code`
     if isinstance(function := calls.get(name, 0), int):
         calls[name] = function + 1
-        if function < _PATIENCE or f.is_dense or (name != "table" and f.cost > _MOST_OPERATIONS):
+        if (
+            function < CALLS_BEFORE_COMPILING
+            or f.is_dense
+            or (name != "table" and f.cost > MOST_OPERATIONS_COMPILED)
+        ):
             return None
         from ..core.flow.program_code import by_code  # here, because importing Numba takes time
 
@@ -192,7 +197,7 @@ def of_terms(terms: Terms, D: int, wrt: Names, actions: Actions) -> list[OfMembe
 
 def full_quadratic(terms: Terms, D: int) -> tuple[DenseRightHandSide, FloatArray] | None:
     """Return f, which loops evaluate, and its table (P, ...); None if there are few terms."""
-    if not _LONG < terms.indices.shape[1] > D**3 / 4:
+    if not TERMS_OF_FULL_FIELD < terms.indices.shape[1] > D**3 / 4:
         return None
     f = _full(D)
     return f, f.table_of(dense_parameters(*terms, D))
@@ -220,7 +225,7 @@ def with_events(field: Any, actions: Actions, wrt: Names = None) -> list[OfMembe
     """Return the right-hand sides of a field with events, which the field keeps."""
     key, known = (wrt, actions), vars(field).setdefault("_with_events", {})
     if key not in known:
-        if len(known) >= _MOST_EVENTS:
+        if len(known) >= MOST_LISTS_OF_EVENTS:
             known.clear()
         known[key] = field._motion_lists(wrt, actions)
     return known[key]

@@ -18,12 +18,13 @@ from ..keywords import public
 from .base import Body, Parameters, frozen, summary
 from .complex_symbols import Complex
 from .equation_text import values_of
-from .equations import LONGEST, Equations
+from .equations import Equations
 from .exact_numbers import named_parameters, numbers_by_name, to_lists
 from .layout import Layout, layout_read, split_values
 from .names import labels, variables
 from .right_hand_sides import by_code_if_often
 from .symbols import Symbol, Symbols
+from .tolerances import LONGEST_SHORTENED
 from .tracer import Tracer, called_by_name, components
 
 # Keys of the parts of a field or map other than its parameters. They contain spaces, because a
@@ -235,10 +236,12 @@ class Traced(Body):
             values = [summary(name, each) for name, each in self.parameters.items()]
             return f"<{kind}, a family of shape {self.shape}: {', '.join([names, *values])}>"
         named = zip(self._layout.parts, self._formulas, strict=True)
-        # More rows than LONGEST // 4 do not fit.
-        rows = [f"{a}{self._arrow} {formula}" for a, formula in islice(named, LONGEST // 4)]
+        # More rows than LONGEST_SHORTENED // 4 do not fit.
+        rows = [
+            f"{a}{self._arrow} {formula}" for a, formula in islice(named, LONGEST_SHORTENED // 4)
+        ]
         rows += [f"{name} = {value}" for name, value in self._numbers]
-        return f"{kind}({shorten(', '.join(rows), LONGEST, placeholder=' ...')})"
+        return f"{kind}({shorten(', '.join(rows), LONGEST_SHORTENED, placeholder=' ...')})"
 
     @public
     def to_dict(self) -> dict[str, Any]:

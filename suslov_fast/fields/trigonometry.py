@@ -13,9 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..core.expressions.programs import depending, needed_for, program_of, renamed
-
-_MOST = 200  # the most monomials of an expansion; formulas with more stay as they are
-_CANCELLED = 2.0**-44  # a sum of coefficients is 0 if it is below this part of their moduli
+from .tolerances import MOST_MONOMIALS, ROUNDING_OF_COEFFICIENT
 
 Monomial = tuple[tuple[int, int], ...]  # (operand, power), sorted
 Polynomial = dict[Monomial, float]
@@ -173,14 +171,14 @@ def _sum(a: Polynomial, b: Polynomial, sign: int) -> Polynomial:
     for monomial, coefficient in b.items():
         old = total.get(monomial, 0.0)
         total[monomial] = old + sign * coefficient
-        if abs(total[monomial]) <= _CANCELLED * abs(old):
+        if abs(total[monomial]) <= ROUNDING_OF_COEFFICIENT * abs(old):
             del total[monomial]
     return _checked(total)
 
 
 def _product(a: Polynomial, b: Polynomial) -> Polynomial:
     total: Polynomial = {}
-    if len(a) * len(b) > 4 * _MOST:
+    if len(a) * len(b) > 4 * MOST_MONOMIALS:
         raise _TooLong
     for m, c in a.items():
         part: Polynomial = {}
@@ -194,7 +192,7 @@ def _product(a: Polynomial, b: Polynomial) -> Polynomial:
 
 
 def _checked(polynomial: Polynomial) -> Polynomial:
-    if len(polynomial) > _MOST:
+    if len(polynomial) > MOST_MONOMIALS:
         raise _TooLong
     return polynomial
 

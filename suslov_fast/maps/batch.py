@@ -25,20 +25,16 @@ from ..core.suslov.map_nd import NDSystem
 from .kernel_arguments import Arguments
 from .kernel_calls import call_kernel
 from .problem import Problem
-
-# Work of a thread in a chunk, and cost of saving a state; the unit is one step of the map in 3D.
-CHUNK_WORK, _SAVING = 2**26, 8.0
-# Seconds: after a chunk below _SHORT the next has twice as many steps, after one above _LONG half.
-_SHORT, _LONG = 0.02, 0.1
-# Seconds for a step of one trajectory if Python interprets the kernel, per unit of cost. The 3D
-# map computes up to _FEW trajectories one by one; larger batches fill whole blocks of lanes.
-_IN_PYTHON, _FEW = 1e-5, 6
-# The most work of a chunk with orientations, n x n matrices: the number of states times n**2.
-TURNING = 2**24
-
-# The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
-# for slower maps. After each report the states of a large batch are read from memory again.
-BETWEEN = 256
+from .tolerances import (
+    COST_OF_SAVING,
+    FEW_TRAJECTORIES,
+    STEPS_BETWEEN_REPORTS,
+    TIME_OF_LONG_CHUNK,
+    TIME_OF_SHORT_CHUNK,
+    TIME_OF_STEP_IN_PYTHON,
+    WORK_OF_CHUNK,
+    WORK_OF_CHUNK_WITH_TURNS,
+)
 
 
 class StepMethod(NamedTuple):
@@ -151,11 +147,13 @@ class BatchRun:
         lanes, fewest = self.steps.lanes, 1
         work = 0.0  # time of one step of the whole batch on all threads
         for where, arguments in self.groups:
-            cost = max(self.steps.cost(D, arguments), 0.1) + (_SAVING / every if every else 0.0)
+            cost = max(self.steps.cost(D, arguments), 0.1) + (
+                COST_OF_SAVING / every if every else 0.0
+            )
             blocks = max(-(-len(self.starts if where is ALL else where) // lanes), 1)
             work += cost * blocks * lanes / min(blocks, threads)
-            fewest = max(int(BETWEEN / min(cost, 4.0)), fewest)
-        return max(int(CHUNK_WORK / work), fewest)
+            fewest = max(int(STEPS_BETWEEN_REPORTS / min(cost, 4.0)), fewest)
+        return max(int(WORK_OF_CHUNK / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
         """Continue all groups of trajectories to state `stop`; save states n * `every`."""
@@ -187,11 +185,13 @@ class BatchRun:
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = starts.shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
-        cost = step + (_SAVING / every if every else 0.0)
+        cost = step + (COST_OF_SAVING / every if every else 0.0)
         width, length = -(-size // lanes) * lanes or lanes, stop - n or 1
-        if width * length * cost > CHUNK_WORK:
+        if width * length * cost > WORK_OF_CHUNK:
             most = threads or numba.config.NUMBA_NUM_THREADS
-            budget = min(width // lanes, most) * CHUNK_WORK / cost  # steps of single trajectories
+            budget = (
+                min(width // lanes, most) * WORK_OF_CHUNK / cost
+            )  # steps of single trajectories
             unit = lanes * most  # multiples of it give each thread the same number of blocks
             width = min(max(int(budget / length) // unit, 1) * unit, width)
             length = max(int(budget / width), 1)
@@ -204,16 +204,16 @@ class BatchRun:
                 span = Span(begin, end, start, until, every, row)
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 called_at = perf_counter()
-                taken = size if size <= _FEW else width
-                seconds = _IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
+                taken = size if size <= FEW_TRAJECTORIES else width
+                seconds = TIME_OF_STEP_IN_PYTHON * (1.0 + step) * taken * (until - start + 2)
                 data = arguments, starts, span, output
                 call_kernel(kernel, work, threads, *data, seconds=seconds)
                 if until == stop:
                     break
                 seconds, start = perf_counter() - called_at, until
-                if seconds < _SHORT:
+                if seconds < TIME_OF_SHORT_CHUNK:
                     length *= 2
-                elif seconds > _LONG:
+                elif seconds > TIME_OF_LONG_CHUNK:
                     length = max(length // 2, 1)
 
     def _turn_to(
@@ -221,7 +221,9 @@ class BatchRun:
     ) -> None:
         """Continue to state `stop`; save states n * `every`, and the orientations to `turns`."""
         (size, D), turned, row = self.starts.shape, self.turned, 0
-        length = min(max(TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop, 1))
+        length = min(
+            max(WORK_OF_CHUNK_WITH_TURNS // (max(size, 1) * (D + 1) ** 2), 1), max(stop, 1)
+        )
         path = np.empty((length + 1, size, D))
         eps = flat_parameter(self.problem.eps, self.problem.batch)
         axial = self.problem.map.attitude == "axial"
@@ -238,7 +240,7 @@ class BatchRun:
                     turns[0], first = turned, 1
             arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
             work, threads = states.size * (D + 1), self.problem.threads
-            seconds = 0.2 * _IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
+            seconds = 0.2 * TIME_OF_STEP_IN_PYTHON * (size + 8) * (until - start + 1) * (D + 1) ** 2
             call_kernel(orientations.turn_along, work, threads, *arrays, *rows, seconds=seconds)
             if report is not None and not report(until):
                 break

@@ -20,9 +20,7 @@ from ..core.numba.span import Output, Span
 from ..fields.terms import Terms, slopes_at
 from .kernel_arguments import by_scheme, by_zeros
 from .problem import Problem
-
-# Operations of one call of a kernel, some tenths of a second; between calls Ctrl-C is handled.
-CHUNK_WORK = 2**28
+from .tolerances import WORK_OF_CALL
 
 
 def matrix(terms: Any, eps: Any, x: FloatArray) -> FloatArray:
@@ -152,7 +150,7 @@ def growth(
     ]
     sums, status, failed_at = np.zeros((B, D)), np.zeros(B, np.int8), np.full(B, -1)
     by_sign = np.zeros(B, bool)
-    length, n = max(CHUNK_WORK // max(400 * B * D, 1), 1), 0
+    length, n = max(WORK_OF_CALL // max(400 * B * D, 1), 1), 0
     for last in (transient, transient + steps):
         for part in parts:
             part.x[:, -D:] = 0.0

@@ -9,9 +9,7 @@ import numpy as np
 from ..checks import FloatArray, first_index, spell, warn
 from ..status import IntegrationWarning
 from .problem import Problem, check, part_of
-
-# The largest number of states times D**2 in a part of a batch: it fits into the caches.
-PART = 2**16
+from .tolerances import NUMBERS_OF_PART
 
 
 class Formula(NamedTuple):
@@ -37,11 +35,11 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
     """Return compute(problem); large batches in parts, between which Python handles Ctrl-C."""
     batch, D = problem.batch, problem.body._layout.D
     work, length = math.prod(batch) * D**2, max(batch, default=1)
-    if work <= PART or length == 1:
+    if work <= NUMBERS_OF_PART or length == 1:
         return compute(problem)
     # Divide the longest axis; calls for parts that are still too large divide their longest axis.
     axis = batch.index(length)
-    width = max(length * PART // work, 1)
+    width = max(length * NUMBERS_OF_PART // work, 1)
     where = [slice(0, n) for n in batch]
     for begin in range(0, length, width):
         where[axis] = slice(begin, min(begin + width, length))

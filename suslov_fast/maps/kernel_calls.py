@@ -9,11 +9,7 @@ import suslov_fast
 
 from ..calls import available
 from ..core.numba.decorators import Kernel
-
-# A call of fewer steps, of all trajectories together, is serial. Measured on two cores: threads
-# that are awake gain from about 10,000 on, but less than 0.1 ms up to this number, and a sleeping
-# thread may take 8 ms to wake.
-CROSSOVER = 1_000_000
+from .tolerances import STEPS_OF_SERIAL_CALL
 
 # One parallel call at a time, because Numba's `workqueue` layer aborts under two. Meanwhile other
 # threads of Python make serial calls, whose results are bit-identical; so does a child that was
@@ -30,7 +26,7 @@ def call_kernel(
     """
     if kernel.by_numpy(*arguments):
         return
-    if work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1:
+    if work < STEPS_OF_SERIAL_CALL or (threads or numba.config.NUMBA_NUM_THREADS) == 1:
         kernel.interpreted_or_serial(seconds, *arguments)
     elif not _parallel(kernel, threads, arguments):
         kernel.serial(*arguments)

@@ -11,12 +11,7 @@ import numpy as np
 
 from ..checks import FloatArray
 from ..core.numba.orthonormal import decompose_each
-
-# Before `decompose_each` is compiled, NumPy takes _IN_NUMPY n**3 (K + _CALL) seconds.
-_IN_NUMPY, _CALL = 4e-9, 500
-# The most sweeps of Jacobi's method, which needs 5 to 10; entries that are rounding, as parts of
-# the root of the product of both diagonal entries.
-_SWEEPS, _ROUNDING = 30, 2.0**-56
+from .tolerances import ENTRIES_OF_CALL, MOST_SWEEPS, ROUNDING_OF_JACOBI, TIME_OF_FRAME_IN_NUMPY
 
 
 def product(A: FloatArray, B: FloatArray) -> FloatArray:
@@ -40,7 +35,7 @@ def orthonormal(V: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     K, n, _ = V.shape
     Q, diagonal = np.empty((K, n, n)), np.empty((K, n))
-    seconds = _IN_NUMPY * n**3 * (K + _CALL)
+    seconds = TIME_OF_FRAME_IN_NUMPY * n**3 * (K + ENTRIES_OF_CALL)
     memory = np.empty((1, n, n)), np.empty((1, n))
     decompose_each.interpreted_or_serial(seconds, np.array(V, order="C"), Q, diagonal, *memory)
     return Q, diagonal
@@ -56,7 +51,7 @@ def eigenvectors(A: FloatArray) -> FloatArray:
     V = np.broadcast_to(np.eye(n), A.shape).copy()
     pairs = [*combinations(range(n), 2)]
     with np.errstate(all="ignore"):
-        for _ in range(_SWEEPS if pairs else 0):
+        for _ in range(MOST_SWEEPS if pairs else 0):
             for p, q in pairs:
                 _rotate(A, V, p, q)
             if not any(A[..., p, q].any() for p, q in pairs):
@@ -69,7 +64,7 @@ def _rotate(A: FloatArray, V: FloatArray, p: int, q: int) -> None:
     a, b, c = A[..., p, p], A[..., q, q], A[..., p, q]
     half = (b - a) / (2.0 * c)
     slope = np.copysign(1.0, half) / (abs(half) + np.sqrt(1.0 + half * half))
-    slope = np.where(abs(c) > _ROUNDING * np.sqrt(abs(a * b)), slope, 0.0)
+    slope = np.where(abs(c) > ROUNDING_OF_JACOBI * np.sqrt(abs(a * b)), slope, 0.0)
     cos = (1.0 / np.sqrt(1.0 + slope * slope))[..., np.newaxis]
     sin = cos * slope[..., np.newaxis]
     for M in (A.swapaxes(-2, -1), A, V.swapaxes(-2, -1)):  # columns of A, its rows, columns of V

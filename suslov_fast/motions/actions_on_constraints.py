@@ -40,12 +40,7 @@ from ..core.hybrid.event_formulas import EventAction, KeyedProgram, components_o
 from ..fields.constraints import constraints_of
 from ..fields.equations import Equations
 from .event import Event, traced
-
-# The least part of the change of ds/dt at a bounce that reactions may leave; below it a bounce is
-# none, because constraints hold the body on the surface.
-_LEAST = 2.0**-20
-_ROUNDS = 6  # Newton's steps to constraints that are not linear in velocities
-_SAMPLES = 16  # random states that tell bounces from other actions
+from .tolerances import LEAST_BOUNCE, NEWTON_STEPS_TO_CONSTRAINTS_OF_ACTIONS, SAMPLES_OF_ACTION
 
 
 def action_of(event: Event, field: Any) -> EventAction:
@@ -87,7 +82,7 @@ class _Reactions:
         if rate := self._rate_of_bounce(action):
             moved = self._moved_by(rate)
             reacted, push = self._with_rate(rate, reacted, moved)
-            for _ in range(0 if self.is_linear else _ROUNDS):
+            for _ in range(0 if self.is_linear else NEWTON_STEPS_TO_CONSTRAINTS_OF_ACTIONS):
                 reacted, push = self._with_rate(rate, self._corrected(reacted), moved)
             of_state = [0.0] * self.velocities.start + push
             of_state += [0.0] * (self.D - len(of_state))
@@ -113,7 +108,7 @@ class _Reactions:
 
     def projected(self, velocities: Any) -> list[Any]:
         """Return operands of velocities on the constraints at the new positions."""
-        for _ in range(1 if self.is_linear else _ROUNDS):
+        for _ in range(1 if self.is_linear else NEWTON_STEPS_TO_CONSTRAINTS_OF_ACTIONS):
             velocities = self._corrected(velocities)
         return [*velocities]
 
@@ -157,10 +152,10 @@ class _Reactions:
         [normal] = gradients(values, [*values.operations], [rate], self.D)
         program = program_of(values.operations, [rate, *_row(normal, of_velocities)])
         both = emitted(self.values, program)[:1] + self.at(program)[:1]
-        x = np.random.default_rng(0).normal(size=(self.parameters.stop, _SAMPLES))
+        x = np.random.default_rng(0).normal(size=(self.parameters.stop, SAMPLES_OF_ACTION))
         x[self.D :] = abs(x[self.D :])
         values_of = program_of(self.values.operations, both)
-        before, after = results_at(values_of, dict(enumerate(x)), (_SAMPLES,))
+        before, after = results_at(values_of, dict(enumerate(x)), (SAMPLES_OF_ACTION,))
         return program if (before * after <= 0.0).all() else None
 
     def _moved_by(self, program: Program) -> list[Any]:
@@ -179,7 +174,7 @@ class _Reactions:
         direction = self._tangent(moved, v)
         share, whole = (number(self._dot(normal, w)) for w in (direction, moved))
         part = (number(wanted) - number(after)) / share
-        part = (abs(share) > _LEAST * abs(whole)).select(part, 0.0)
+        part = (abs(share) > LEAST_BOUNCE * abs(whole)).select(part, 0.0)
         pairs = zip(v, direction, strict=True)
         return [(number(a) + part * number(b)).number for a, b in pairs], direction
 

@@ -36,25 +36,26 @@ from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
 from ..status import Status
 from .tangent_spaces import tangent_basis, within
-
-_MOST, _MOST_DAMPED = 30, 60  # the most Newton steps, and the most damped Newton steps
-_SHORTER = 0.25  # the largest ratio of a step to the step before; above it Newton's method ends
-_FARTHEST = 2.0  # the largest ratio of a step to the state; above it Newton's method ends
-# Steps of Newton's method, divided by the state. A step below _ROUNDING is the last one; so is a
-# step that does not shrink by the factor _SHORTER after a step below _SMALL.
-_ROUNDING, _SMALL = 1e-14, 1e-8
-_LEAST = 1e-6  # `sizes` in `_Equations` are at least this part of the largest component
-_RANK = 1e-12  # singular values up to this part of the largest one count as 0
-_WHOLE = 1e-8  # f' is singular up to this ratio of its smallest to its largest singular value
-_PROBE = 1e-6  # Newton's method leads back to a regular equilibrium from this relative displacement
-_COUNTED = 10_000  # the most starts for which the text of the result counts different states
-_NEUTRAL = 2.0**-48  # rates of growth up to this part of the largest entry of f' count as 0
-_DOUBLE = 2.0**-20  # the same where f' is singular: double eigenvalues 0 have half of the digits
-# The steps to a member of a family: their number, the displacement from a member, relative, from
-# which they lead back, and the largest residual at their end, in units of the states.
-_TO_FAMILY, _AWAY, _RESIDUAL = 12, 2.0**-10, 2.0**-46
-_ALONG = 2.0**-5  # singular values of a projection are 0 or 1, up to the curvature of the family
-_ZERO = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`
+from .tolerances import (
+    DISPLACEMENT_FROM_FAMILY,
+    DISPLACEMENT_OF_PROBE,
+    LAST_NEWTON_STEP,
+    LEAST_SIZE_OF_COMPONENT,
+    LONGEST_NEWTON_STEP,
+    MOST_DAMPED_STEPS,
+    MOST_NEWTON_STEPS,
+    MOST_STARTS_COUNTED,
+    MOST_STEPS_TO_FAMILY,
+    NEUTRAL_RATE,
+    NEUTRAL_RATE_IF_SINGULAR,
+    RESIDUAL_ON_FAMILY,
+    SHORT_NEWTON_STEP,
+    SHRINKING_OF_STEPS,
+    SINGULAR_SLOPES,
+    ZERO_AT_MULTIPLE_ROOT,
+    ZERO_OF_PROJECTION,
+    ZERO_OF_RANK,
+)
 
 
 class Equilibria(NamedTuple):
@@ -128,7 +129,7 @@ class Equilibria(NamedTuple):
             status = Status(int(self.status)).name
             return f"Equilibria({short(self.states.tolist())}, {status}, {self.kind or 'none'})"
         found = f"{np.count_nonzero(self.status >= 0)} OK"
-        if self.status.size <= _COUNTED:
+        if self.status.size <= MOST_STARTS_COUNTED:
             found += f", {len(self.distinct()[1])} different states"
         return f"Equilibria({self.status.size} starts: {found})"
 
@@ -239,8 +240,8 @@ def equilibria(system: System, /, near: StatesLike) -> Equilibria:
         size = abs(slopes).max(axis=(-2, -1), initial=0.0) + is_map
         at_start = abs(equations.slopes(equations.start)).max(axis=(-2, -1), initial=0.0) + is_map
         is_member = is_family | (has_line & (size > 0.0))
-        double = _DOUBLE * np.fmax(size, at_start)
-        rounding = np.where(is_degenerate | is_member, double, _NEUTRAL * size)
+        double = NEUTRAL_RATE_IF_SINGULAR * np.fmax(size, at_start)
+        rounding = np.where(is_degenerate | is_member, double, NEUTRAL_RATE * size)
         kind, attracts = _kinds(others, rounding[..., np.newaxis], is_map)
         order, zeros = abs(others - is_map).argsort(axis=-1), abs(others - is_map)
         zeros = (zeros <= rounding[..., np.newaxis]).sum(axis=-1)
@@ -314,7 +315,7 @@ class _Equations:
     totals    matrices (..., k, k): if a linear integral c . x of f replaces the equation of a
               variable, its row is c, else 0
     is_total  True for rows with an integral (..., k)
-    sizes     sizes of components (..., k), at least _LEAST times the largest one
+    sizes     sizes of components (..., k), at least LEAST_SIZE_OF_COMPONENT times the largest one
     units     sizes of components (..., k), however small they are
 
     With r constraints there are k - r rows of f in their tangent space, then r rows of constraints,
@@ -338,7 +339,9 @@ class _Equations:
             self.is_total = np.arange(k) >= k - r
         moduli = abs(self.start)
         largest = moduli.max(axis=-1, keepdims=True, initial=0.0)
-        self.sizes = np.maximum(moduli, np.where(largest > 0, _LEAST * largest, 1.0))
+        self.sizes = np.maximum(
+            moduli, np.where(largest > 0, LEAST_SIZE_OF_COMPONENT * largest, 1.0)
+        )
         self.units = np.where(moduli == 0.0, self.sizes, moduli)
 
     def _all_totals(self) -> FloatArray:
@@ -419,7 +422,7 @@ class _Equations:
 
     def is_zero(self, y: FloatArray) -> Any:
         """Return True where f is 0 up to rounding errors, which is so near multiple roots."""
-        return (abs(self.value(y)) <= _ZERO * self.terms).all(axis=-1)
+        return (abs(self.value(y)) <= ZERO_AT_MULTIPLE_ROOT * self.terms).all(axis=-1)
 
     def step(self, y: FloatArray) -> tuple[Any, Any, Any, Any]:
         """Return Newton's step (..., k), the scaled residual, the matrix of the step, and a ratio.
@@ -441,9 +444,9 @@ class _Equations:
         largest = values.max(axis=-1, initial=0.0)
         least = values.min(axis=-1, initial=np.inf) / np.where(largest > 0.0, largest, 1.0)
         least = np.where((rows > 0).all(axis=(-2, -1)), least, 0.0)
-        kept = (least > _WHOLE)[..., np.newaxis, np.newaxis]
+        kept = (least > SINGULAR_SLOPES)[..., np.newaxis, np.newaxis]
         units, rows = np.where(kept, units, 1.0), np.where(kept, rows, 1.0)
-        inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=_RANK)
+        inverse: Any = -np.linalg.pinv(scaled * units / rows, rcond=ZERO_OF_RANK)
         inverse *= np.swapaxes(units, -2, -1) / np.swapaxes(rows * sizes[..., np.newaxis], -2, -1)
         step = (inverse @ np.where(known[..., np.newaxis], f, np.nan)[..., np.newaxis])[..., 0]
         return step, f / sizes, inverse, least
@@ -457,16 +460,18 @@ class _Equations:
         y, before = y.copy(), np.full(y.shape[:-1], np.inf)
         going = np.isfinite(y).all(axis=-1)
         is_found = np.zeros(y.shape[:-1], bool)
-        for _ in range(_MOST):
+        for _ in range(MOST_NEWTON_STEPS):
             step, f, *_ = self.step(y)
             scale = np.maximum(sizes, abs(y))
             length = _length(step, scale)
             size = scale.max(axis=-1, keepdims=True, initial=0.0)
-            solved = (abs(f) <= _SMALL * size).all(axis=-1)
-            going &= length <= _FARTHEST
-            is_last = (length <= _ROUNDING) | ((before <= _SMALL) & (length > _SHORTER * before))
+            solved = (abs(f) <= SHORT_NEWTON_STEP * size).all(axis=-1)
+            going &= length <= LONGEST_NEWTON_STEP
+            is_last = (length <= LAST_NEWTON_STEP) | (
+                (before <= SHORT_NEWTON_STEP) & (length > SHRINKING_OF_STEPS * before)
+            )
             is_found |= going & is_last & solved
-            going &= ~is_last & (length <= _SHORTER * before)
+            going &= ~is_last & (length <= SHRINKING_OF_STEPS * before)
             moves = going | (is_found & (length <= before))
             y = np.where(moves[..., np.newaxis], y + step, y)
             before = length
@@ -477,11 +482,11 @@ class _Equations:
     def damped(self, y: FloatArray) -> FloatArray:
         """Return y after fractions of Newton steps; each one makes the next Newton step shorter."""
         part = np.ones(y.shape[:-1])
-        for _ in range(_MOST_DAMPED):
+        for _ in range(MOST_DAMPED_STEPS):
             step, _, inverse, _ = self.step(y)
             scale = np.maximum(self.sizes, abs(y))
             length = _length(step, scale)
-            part = np.minimum(part, _FARTHEST / length)
+            part = np.minimum(part, LONGEST_NEWTON_STEP / length)
             moved = y + part[..., np.newaxis] * step
             after = _length((inverse @ self.value(moved)[..., np.newaxis])[..., 0], scale)
             is_shorter = after <= (1.0 - part / 4) * length
@@ -512,7 +517,7 @@ class _Equations:
         equation that vanishes along the family is not scaled up.
         """
         known: Any = np.isfinite(y).all(axis=-1, keepdims=True)
-        for _ in range(_TO_FAMILY):
+        for _ in range(MOST_STEPS_TO_FAMILY):
             f, A = self.value(y), self.slopes(y) * scale[..., np.newaxis, :]
             known = known & np.isfinite(f).all(axis=-1, keepdims=True)
             known = known & np.expand_dims(np.isfinite(A).all(axis=(-2, -1)), -1)
@@ -526,8 +531,8 @@ class _Equations:
             along = (np.swapaxes(left, -2, -1) @ f[..., np.newaxis])[..., 0]
             along *= values / np.where(size > 0.0, values**2 + size, np.inf)
             y = y - scale * (np.swapaxes(right, -2, -1) @ along[..., np.newaxis])[..., 0]
-        is_zero = (known & (size <= _RESIDUAL))[..., 0]
-        return y, is_zero & (self.step(y)[3] <= _WHOLE)
+        is_zero = (known & (size <= RESIDUAL_ON_FAMILY))[..., 0]
+        return y, is_zero & (self.step(y)[3] <= SINGULAR_SLOPES)
 
     def size_of_family(self, y: FloatArray) -> int:
         """Return the dimension of the family of equilibria near its member y (k,); at least 1.
@@ -535,9 +540,17 @@ class _Equations:
         Members near displaced states are projections of the displacements onto the family.
         """
         scale = np.maximum(self.sizes, abs(y))
-        moved = [self.in_family(y + _AWAY * away) for away in np.diag(scale)]
+        moved = [self.in_family(y + DISPLACEMENT_FROM_FAMILY * away) for away in np.diag(scale)]
         along = np.array([(member - y) / scale * is_member for member, is_member in moved])
-        return max(int((np.linalg.svd(along / _AWAY, compute_uv=False) > _ALONG).sum()), 1)
+        return max(
+            int(
+                (
+                    np.linalg.svd(along / DISPLACEMENT_FROM_FAMILY, compute_uv=False)
+                    > ZERO_OF_PROJECTION
+                ).sum()
+            ),
+            1,
+        )
 
     def by_scipy(self) -> tuple[FloatArray, bool]:
         """Return the state that SciPy finds for a single field; True if it is an equilibrium."""
@@ -560,13 +573,13 @@ class _Equations:
         components.
         """
         scale = np.maximum(self.sizes, abs(y))
-        away = _PROBE * np.cos(np.arange(y.shape[-1]))
+        away = DISPLACEMENT_OF_PROBE * np.cos(np.arange(y.shape[-1]))
         back, leads = self.newton(y + scale * away)
-        is_family = leads & (_length(back - y, scale) > _SMALL)
+        is_family = leads & (_length(back - y, scale) > SHORT_NEWTON_STEP)
         if not leads.all():
             small = np.where(y == 0.0, self.sizes, abs(y))
             leads = leads | self.newton(y + small * away, small)[1]
-        return leads, is_family & (self.step(y)[3] <= _WHOLE)
+        return leads, is_family & (self.step(y)[3] <= SINGULAR_SLOPES)
 
 
 def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]:
@@ -587,8 +600,10 @@ def _found(equations: _Equations, f_is_finite: Any) -> tuple[Any, Any, Any, Any]
         others, too = equations.in_family(equations.start)
         y = np.where((too & is_found & ~leads)[..., np.newaxis], others, y)
         scale = np.maximum(equations.sizes, abs(y))
-        others, too = equations.in_family(y + _AWAY * scale * np.cos(np.arange(y.shape[-1])))
-        too &= is_found & ~leads & (_length(others - y, scale) > _PROBE)
+        others, too = equations.in_family(
+            y + DISPLACEMENT_FROM_FAMILY * scale * np.cos(np.arange(y.shape[-1]))
+        )
+        too &= is_found & ~leads & (_length(others - y, scale) > DISPLACEMENT_OF_PROBE)
         leads, is_family = leads | too, is_family | too
     if (is_multiple := is_found & ~leads).any():  # `damped` corrects small components of y
         closer = equations.damped(np.where(is_multiple[..., np.newaxis], y, np.nan))
@@ -606,14 +621,14 @@ def _totals(C: FloatArray) -> FloatArray:
     if not np.isfinite(C).all():  # a coefficient has no value, as 1/a - 1/a for a parameter a = 0
         return totals
     _, values, rows = np.linalg.svd(np.linalg.qr(C.T, mode="r"))
-    free = rows[int((values > _RANK * values[0]).sum()) :]
+    free = rows[int((values > ZERO_OF_RANK * values[0]).sum()) :]
     pivots = []
     for i in range(len(free)):  # in echelon form, so that integrals of different sizes do not mix
         pivots.append(int(abs(free[i]).argmax()))
         free[i] /= free[i, pivots[i]]
         others = np.arange(len(free)) != i
         free[others] -= free[others, pivots[i], np.newaxis] * free[i]
-    totals[pivots] = np.where(abs(free) < _RANK, 0.0, free)
+    totals[pivots] = np.where(abs(free) < ZERO_OF_RANK, 0.0, free)
     return totals
 
 

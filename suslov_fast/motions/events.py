@@ -25,10 +25,7 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .actions_on_constraints import action_of
 from .event import Event, traced
-
-# `starts_at_rest` evaluates a surface function s before and after x0, at _NEAR times the size of x0
-# from it. x0 rests (ds/dt = 0) if both values differ by at most _EVEN times their size.
-_NEAR, _EVEN = 2.0**-16, 2.0**-8
+from .tolerances import CHANGE_AT_REST, DISTANCE_FROM_START
 
 
 class Derivatives(dict[str, Any]):
@@ -335,12 +332,16 @@ def starts_at_rest(field: Any, events: tuple[Event, ...], x: FloatArray) -> Any:
             continue
         with np.errstate(all="ignore"):
             rates, sizes = field._value(x), abs(x).max(axis=-1, keepdims=True)
-            h = _NEAR * np.where(sizes > 0, sizes, 1.0) / abs(rates).max(axis=-1, keepdims=True)
+            h = (
+                DISTANCE_FROM_START
+                * np.where(sizes > 0, sizes, 1.0)
+                / abs(rates).max(axis=-1, keepdims=True)
+            )
             middle = x + h * rates
             nearby = x - h * rates, middle, x + 2.0 * h * field._value(middle)
             before, after, later = (_surface_at(field, action.surface, y) for y in nearby)
         sizes = abs(after + before) + abs(later)
-        is_at_rest = is_on & (abs(after - before) <= _EVEN * sizes)
+        is_at_rest = is_on & (abs(after - before) <= CHANGE_AT_REST * sizes)
         leaves = later * action.direction > 0.0 if action.direction else later != 0.0
         if (which := np.ravel(is_at_rest & leaves)).any():
             found, of = (which if found is None else found | which), event

@@ -30,8 +30,7 @@ from .motion_arguments import (
     warn_of_times,
 )
 from .solution import solution
-
-_FEW = 64  # up to so many motions share arrays of the same values from call to call
+from .tolerances import FEW_MOTIONS
 
 
 @public
@@ -217,7 +216,7 @@ def solved(
 def _of_request(request: SolverRequest, batch: tuple[int, ...]) -> dict[str, Any]:
     """Return the attributes of motions that reach the last time, but for those of solutions."""
     times, settings = request.times, request.settings
-    if len(times) == 1 and math.prod(batch) <= _FEW:  # for speed in small calls
+    if len(times) == 1 and math.prod(batch) <= FEW_MOTIONS:  # for speed in small calls
         return _at_one_time(times.item(), batch, settings)
     last = request.sign * abs(times).max(initial=0.0)
     return _at_times(times, np.full(batch, last) if batch else np.array(last), settings)

@@ -21,15 +21,17 @@ from ..core.flow.small_batches import solve_small_batch
 from ..core.flow.tolerances import SAME_END
 from ..fields.right_hand_sides import OfMembers
 from ..status import Status
+from .tolerances import (
+    EQUATIONS_OF_LARGE_F,
+    NUMBERS_OF_SMALL_BATCH,
+    OPERATIONS_OF_LONG_F,
+    TRAJECTORIES_OF_ONE_THREAD,
+)
 
-_IN_THREADS = 64  # up to so many trajectories share one thread, unless the user passes `threads`
-_LONG = 30_000  # with more operations of f, which take over 3 s to compile, a warning says so
-_LARGE = 50  # with more equations and a dense f', LSODA is faster: measured on rate networks
 _ENDS = Status.ENDED, Status.TOO_MANY_STEPS, Status.NONFINITE
 # Why digits are in doubt. FELL: a component fell below 1e-300. NO_DIGITS: the solution ends sooner
 # if the allowed errors of small components are relative to their values.
 FELL, NO_DIGITS = np.int8(1), np.int8(2)
-_FEW = 4096  # numbers in the states of a batch up to which memory is kept for the next call
 
 
 @lru_cache(64)
@@ -37,14 +39,14 @@ def warn_of_size(f: Any, is_implicit: bool) -> None:
     """Warn once if f takes long to compile, or if other solvers take its implicit steps sooner."""
     if not f.is_written:
         return
-    if is_implicit and f.entries > max(_LARGE * f.D, f.D**2 / 2):
+    if is_implicit and f.entries > max(EQUATIONS_OF_LARGE_F * f.D, f.D**2 / 2):
         checks.warn(
             f"f' is a dense matrix of {f.D} x {f.D}, and steps for stiff equations take long: "
             "SciPy's solve_ivp is faster, with method='LSODA' or 'BDF' and jac=field.jacobian"
         )
         return
     count = 0 if is_implicit or f.is_dense else len(f.rates.operations)
-    if count > max(_LONG, f.D**2):  # sums over all variables need D**2 operations
+    if count > max(OPERATIONS_OF_LONG_F, f.D**2):  # sums over all variables need D**2 operations
         checks.warn(
             f"f has {count} operations, which take about {count / 10_000:.0f} s to compile: write "
             "sums over all variables as products W @ v with matrices"
@@ -271,7 +273,11 @@ def _of_group(
     """Return the `SolverResult` of trajectories that share f; `table` has its numbers."""
     B, begun = len(starts), None
     threads = 1 if B == 1 else threads_for(B, request.threads)
-    if request.report is None and threads == 1 and (B == 1 or starts.size <= _FEW):
+    if (
+        request.report is None
+        and threads == 1
+        and (B == 1 or starts.size <= NUMBERS_OF_SMALL_BATCH)
+    ):
         states, columns, rows, begun = solve_small_batch(f, table, starts, request)
         if begun is None:
             records = None if request.event_times is None else _rows_of(rows, starts, request)
@@ -369,4 +375,4 @@ def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> Solve
 
 def threads_for(B: int, threads: int | None) -> int:
     """Return how many threads to use for B trajectories."""
-    return threads or (available() if B > _IN_THREADS else 1)
+    return threads or (available() if B > TRAJECTORIES_OF_ONE_THREAD else 1)

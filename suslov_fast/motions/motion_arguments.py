@@ -19,15 +19,14 @@ from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
 from .integration import FELL, SolverResult
+from .tolerances import FEW_TIMES, LARGEST_RTOL
 
-_MOST = 1e-2  # the largest rtol
 # The default of rtol, a float object of its own. So `is` tells whether a user passed rtol where it
 # means nothing, also if the user passed 1e-9.
 RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
-_FEW = 64  # the most times of which Python finds the largest faster than NumPy
 # By status, the verb of a sentence about solutions that stop before the last time.
 CAUSES = {
     Status.ENDED: (
@@ -77,7 +76,7 @@ def checked_times(value: Any) -> tuple[FloatArray, int]:
         return read_only(np.array([time])), -1 if time < 0.0 else 1
     if time.ndim > 1:
         raise wrong("time", "a number or a 1-D array", f"an array of shape {time.shape}")
-    numbers = time.tolist() if time.size <= _FEW else (time.min(), time.max())
+    numbers = time.tolist() if time.size <= FEW_TIMES else (time.min(), time.max())
     low, high = min(numbers, default=0.0), max(numbers, default=0.0)
     if low < 0.0 < high:
         how = "flow(system, x0, time=T)(t) takes times t on both sides of 0"
@@ -113,8 +112,8 @@ def checked_settings(
 @functools.lru_cache(64)
 def _of_rtol(given: Any) -> Settings:
     rtol = checks.real_number("rtol", given)
-    if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= _MOST:
-        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {_MOST:g}", short(given))
+    if not isinstance(rtol, float) or not LEAST_RTOL <= rtol <= LARGEST_RTOL:
+        raise wrong("rtol", f"a number from {LEAST_RTOL:g} to {LARGEST_RTOL:g}", short(given))
     return Settings(rtol)
 
 

@@ -26,14 +26,16 @@ from .kept_integrals import warn_of_unkept
 from .motion_arguments import checked_derivatives, checked_settings
 from .periodic_orbit_results import OrbitDerivatives, PeriodicOrbit, each_of, joined
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
+from .tolerances import (
+    CHANGE_OF_STATE_AT_REST,
+    DISTANCE_FROM_X0,
+    DISTANCE_OF_EQUAL_TURNS,
+    FARTHEST_RETURN,
+    LEAST_RTOL_OF_SEARCH,
+    MOST_TURNS,
+    NEUTRAL_MULTIPLIER,
+)
 
-_AT_REST = 1e-6  # a state at rest changes in a period by at most this part of its size
-_NEUTRAL = 1e-6  # a multiplier with a modulus this near to 1 does not decide about stability
-_TURNS = 12  # the most turns of an orbit that are recognized in a period
-_RETURN = 2.0**-4  # the largest distance, in ranges of components, of a return after a turn
-_SAME = 1e-6  # starts of equal turns differ by at most this part of the range of each component
-_FAR = 0.5  # if the orbit is further from x0, in ranges of its components, a warning says so
-_ROUGH = 1e-8  # the least rtol of the motion that is searched for a near return to x0
 _LOOKS = np.arange(1, 512) / 512  # parts of the period, at which the orbit is compared with x0
 
 
@@ -245,7 +247,7 @@ def _checked_period(
         name = field._layout.components[motion.clocks[0]]
         expected = f"given, because the equations depend on {name}, which has a constant rate"
         raise wrong("period", expected, None)
-    rough = FieldFlow(field, x, Settings(max(motion.settings.rtol, _ROUGH)), events)
+    rough = FieldFlow(field, x, Settings(max(motion.settings.rtol, LEAST_RTOL_OF_SEARCH)), events)
     near, last = near_return(rough, x)
     if near is not None:
         return near, x
@@ -275,7 +277,7 @@ def _doubled(search: Shooting, start: FloatArray, T: float) -> Shooting:
         each = search if m == 1 else nearest_orbit(search.flow, start, m * T)
         product = functools.reduce(lambda first, then: then @ first, each.slopes)
         exists = each.closes and np.isfinite(product).all()
-        if exists and abs(np.linalg.eigvals(product)).max() < 1.0 + _NEUTRAL:
+        if exists and abs(np.linalg.eigvals(product)).max() < 1.0 + NEUTRAL_MULTIPLIER:
             return each
     return search
 
@@ -290,14 +292,21 @@ def _rest(field: Any, motion: FieldFlow, x: FloatArray, last: float) -> FloatArr
     end = motion.states(x, [last])[0]
     rate = abs(field._value(end))[moving].max()
     # At this rate `end` would move, until the time 2 `last`, by a small part of its way from x.
-    is_at_rest = rate * last <= _AT_REST * abs(end - x)[moving].max()
-    return np.where(abs(end) <= _AT_REST * abs(x).max(), 0.0, end) if is_at_rest else None
+    is_at_rest = rate * last <= CHANGE_OF_STATE_AT_REST * abs(end - x)[moving].max()
+    return (
+        np.where(abs(end) <= CHANGE_OF_STATE_AT_REST * abs(x).max(), 0.0, end)
+        if is_at_rest
+        else None
+    )
 
 
 def _not_an_orbit(search: Shooting, given: float) -> str | None:
     """Return what a search from the period `given` found in place of an orbit, or None."""
-    state, least = search.nodes[0], _AT_REST * search.largest
-    state = _text(search.flow.field, np.where(abs(state) <= _AT_REST * search.sizes, 0.0, state))
+    state, least = search.nodes[0], CHANGE_OF_STATE_AT_REST * search.largest
+    state = _text(
+        search.flow.field,
+        np.where(abs(state) <= CHANGE_OF_STATE_AT_REST * search.sizes, 0.0, state),
+    )
     rate = abs(search.rates).max(initial=0.0) * len(search.nodes)  # per period
     if rate <= least and not search.flow.is_forced:  # the orbit does not move
         if rate * max(given / search.T, 1.0) <= least:
@@ -319,9 +328,9 @@ def _nearer_turn(search: Shooting, start: FloatArray, T: float) -> Shooting:
     flow = search.flow
     if flow.is_forced:
         return search
-    turns = np.arange(_TURNS, 1, -1)
+    turns = np.arange(MOST_TURNS, 1, -1)
     ways = abs(flow.states(start, T / turns) - start)[:, search.moving] / search.units
-    for m in turns[(ways < _RETURN).all(axis=1)]:
+    for m in turns[(ways < FARTHEST_RETURN).all(axis=1)]:
         one = nearest_orbit(flow, start, T / m)
         if not _not_an_orbit(one, one.T) and 2 * _away(one, start) < _away(search, start):
             _warn_of_turns(one, int(m))
@@ -346,9 +355,9 @@ def _one_turn(search: Shooting) -> Shooting:
     flow, x = search.flow, search.nodes[0]
     if flow.is_forced:
         return search
-    turns = np.arange(_TURNS, 1, -1)
+    turns = np.arange(MOST_TURNS, 1, -1)
     ways = abs(flow.states(x, search.T / turns) - x)[:, search.moving] / search.units
-    for m in turns[(ways < _SAME).all(axis=1)]:
+    for m in turns[(ways < DISTANCE_OF_EQUAL_TURNS).all(axis=1)]:
         one = nearest_orbit(flow, x, search.T / m)
         if not _not_an_orbit(one, one.T):
             _warn_of_turns(one, int(m))
@@ -363,7 +372,7 @@ def _warn_of_distance(search: Shooting, x0: FloatArray) -> None:
     ranges = np.ptp(states, axis=0)
     ways = abs(states - x0[moving]) / np.maximum(ranges, 1e-3 * ranges.max())
     nearest = ways.max(axis=1).argmin()
-    if ways[nearest].max() > _FAR:
+    if ways[nearest].max() > DISTANCE_FROM_X0:
         far = np.linalg.norm(states[nearest] - x0[moving])
         passes = f"an orbit of period {search.T:.4g} that passes x0 at a distance of {far:.2g}"
         warn(f"periodic_orbit found {passes}: pass an x0 or a period nearer to those that you want")
@@ -385,7 +394,7 @@ def _result(search: Shooting, known: int | None) -> PeriodicOrbit:
         warn(f"periodic_orbit found a member of a family, which x0 and period choose: {why}; {how}")
     values = np.linalg.eigvals(product).astype(complex)
     others = values[np.argsort(abs(values - 1.0))][trivial:]
-    is_stable = bool((abs(others) < 1.0 - _NEUTRAL).all())
+    is_stable = bool((abs(others) < 1.0 - NEUTRAL_MULTIPLIER).all())
     return PeriodicOrbit(
         search.nodes[0],
         float(search.T),

@@ -29,36 +29,33 @@ from .events import actions_of, event_times_of
 from .integration import Ends, SolverResult, to_tolerance
 from .sensitivities import with_derivatives
 from .tangent_spaces import block_diagonal, tangent_basis, within
+from .tolerances import (
+    CHANGE_OF_PERIODIC_FORCE,
+    DOUBLINGS_OF_SEARCH,
+    FARTHEST_FROM_CLOSED_ARCS,
+    FARTHEST_REFINED_RETURN,
+    GROWTH_OF_ARC,
+    LARGEST_RESIDUAL,
+    LATEST_NEARER_RETURN,
+    LEAST_CORRECTION_OF_PERIOD,
+    LEAST_UNIT,
+    LEFT_START,
+    LONGEST_SEARCH,
+    LONGEST_STEP_OF_PERIOD,
+    MOST_CORRECTIONS_OF_PERIOD,
+    MOST_HALVINGS,
+    MOST_ROUNDS_OF_NEWTON,
+    NEAR_RETURN,
+    NOISE_OF_RESIDUAL,
+    ROUNDING_OF_PERIOD,
+    STATES_OF_ORBIT,
+    WEIGHT_OF_PHASE,
+    ZERO_OF_NEWTON,
+)
 
-_ROUNDS = 60  # the most steps of Newton's method
-_HALVINGS = 10  # the most halvings of a step
-# In Newton's equations, directions with singular values below this part of the largest one, or
-# below the residual, count as directions along a family of orbits.
-_LEAST = 1e-8
-_LONGEST = 0.3  # the longest step of log T
-_CORRECTIONS = 5  # the most corrections of T alone, before Newton's steps
-_LEAST_CHANGE = 1e-6  # the smallest relative correction of T
 _ARCS = 1, 4, 16  # numbers of arcs that are tried in this order
-_GROWTH = 1e3  # growth of derivatives along an arc, above which more arcs are tried
-# The allowed residual is _NOISE * rtol times the growth of derivatives along an arc, but at most
-# _MOST_RESIDUAL, or _NOISE * rtol if that is larger.
-_NOISE, _MOST_RESIDUAL = 10.0, 1e-9
-_LEAST_SIZE = 2.0**-20  # least unit of components and residuals, as a part of the largest range
-_ROUNDING = 2.0**-49  # relative rounding error of T, which matters where states change fast
-_MOVED = 2.0**-4  # the longest way, in ranges of components, of steps from arcs that close
-_STRONG = 1e3  # weight of the equation that keeps the phase, see `keeps_phase`
-_LOOKS = 512  # number of states from which ranges of components and returns are found
-# f has the period T if motions that start T apart differ by at most this, relatively.
-_OF_FORCE = 1e-6
 _FRACTIONS = np.arange(1, 32) / 32  # parts of the period at which forces are compared
-# The longest time until a near return, in units of |x / f(x)|. The first search ends at this time
-# divided by 2**_DOUBLINGS, each further search at twice the time of the one before.
-_LAST, _DOUBLINGS = 2.0**16, 28
 _INSIDE = np.arange(33) / 32  # fractions of an interval at which a search for a return is refined
-# Distances from the start, in units of the extent of the orbit: the largest at which a return is
-# refined, the largest of a near return, and the least after which the motion has left the start.
-_FAR, _NEAR, _AWAY = 1.0, 0.1, 0.5
-_LATEST = 4.0  # the search for a nearer return ends at this multiple of the time of the first one
 
 
 class FieldFlow:
@@ -123,7 +120,9 @@ class FieldFlow:
             self._solved(each, [period / 32]).states[0, :, moving] for each in (states, later)
         )
         change = abs(now - states[:, moving].T).max(axis=1, keepdims=True)
-        return not (abs(then - now) > _OF_FORCE * change).any()  # NaN is no difference
+        return not (
+            abs(then - now) > CHANGE_OF_PERIODIC_FORCE * change
+        ).any()  # NaN is no difference
 
     def between_events(self, x: FloatArray, T: float) -> FloatArray:
         """Return the state in the middle of the longest time without events, from x to time 2 T.
@@ -162,7 +161,7 @@ class Shooting:
         self.units = sizes[self.moving]
         largest = float(abs(nodes[:, self.moving]).max(initial=0.0))
         # If the orbit rests in 0, as with parametric forces, only the sizes say what is small.
-        self.largest = max(largest, _LEAST_SIZE * float(self.units.max(initial=0.0)))
+        self.largest = max(largest, LEAST_UNIT * float(self.units.max(initial=0.0)))
         gaps = np.where(np.isnan(self.gaps), np.inf, abs(self.gaps))
         self.residual = float(gaps.max(initial=0.0) / self.largest)
         # A short enough Newton step reduces this norm, but not always the largest gap.
@@ -179,9 +178,9 @@ class Shooting:
     def allowed(self) -> float:
         """The largest residual of arcs that count as an orbit."""
         rtol = self.flow.settings.rtol
-        most = max(_MOST_RESIDUAL, _NOISE * rtol)
+        most = max(LARGEST_RESIDUAL, NOISE_OF_RESIDUAL * rtol)
         of_T = float(abs(self.rates * len(self.nodes)).max() / self.largest)
-        return max(min(_NOISE * rtol * self.growth, most), _ROUNDING * of_T)
+        return max(min(NOISE_OF_RESIDUAL * rtol * self.growth, most), ROUNDING_OF_PERIOD * of_T)
 
     @property
     def closes(self) -> bool:
@@ -225,11 +224,12 @@ class Shooting:
     def freedom(self) -> int:
         """The number of independent changes of nodes, and of a free T, that keep gaps closed.
 
-        As the matrix is a difference of matrices of size 1, its entries below _LEAST are rounding.
+        As the matrix is a difference of matrices of size 1, its entries below ZERO_OF_NEWTON are
+        rounding.
         """
         matrix = self._matrix()[:, : -1 if self.flow.is_forced else None]
         values = np.linalg.svd(matrix, compute_uv=False)
-        rank = int((values > _LEAST * max(values[0], 1.0)).sum())
+        rank = int((values > ZERO_OF_NEWTON * max(values[0], 1.0)).sum())
         return matrix.shape[1] - rank
 
     def by_parameters(self, parameters: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
@@ -267,26 +267,26 @@ class Shooting:
             rate = self.flow.field._value(self.nodes[0])[self.moving] / self.units
             fastest = abs(rate).argmax()
             kept = np.eye(len(rate))[fastest] if bases is None else bases[0, fastest]
-            row[0, :count] = _STRONG * kept
+            row[0, :count] = WEIGHT_OF_PHASE * kept
             matrix, right = np.concatenate([matrix, row]), np.append(right, 0.0)
         change = np.full(self.nodes.shape, np.nan)
         if not np.isfinite(matrix).all():
             return change, np.nan
         left, values, rows = np.linalg.svd(matrix, full_matrices=False)
         # The step of Levenberg and Marquardt: Newton's step, with small singular values damped.
-        damping = (_LEAST * values[0]) ** 2 + right @ right
+        damping = (ZERO_OF_NEWTON * values[0]) ** 2 + right @ right
         step = (values / (values**2 + damping) * (right @ left)) @ rows
         change[:] = 0.0
         of_nodes = step[:-1].reshape(len(self.nodes), count)
         if bases is not None:
             of_nodes = (bases @ of_nodes[..., np.newaxis])[..., 0]
         change[:, self.moving] = of_nodes * self.units
-        return change, float(np.clip(step[-1], -_LONGEST, _LONGEST))
+        return change, float(np.clip(step[-1], -LONGEST_STEP_OF_PERIOD, LONGEST_STEP_OF_PERIOD))
 
     def _improved(self) -> Shooting:
         """Return arcs with smaller gaps, after a step or a fraction of a step; else these arcs."""
         change, of_T = self._step()
-        for k in range(_HALVINGS):
+        for k in range(MOST_HALVINGS):
             nodes, T = self.nodes + change / 2**k, self.T * float(np.exp(of_T / 2**k))
             nodes = near_constraints(self.flow.field, nodes)
             if np.isfinite(nodes).all() and np.isfinite(T):
@@ -302,10 +302,12 @@ class Shooting:
         all unknowns would close a Kepler ellipse by changes of the state, and keep a wrong T.
         """
         best = self
-        for _ in range(0 if self.flow.is_forced or self.flow.keeps_phase else _CORRECTIONS):
+        for _ in range(
+            0 if self.flow.is_forced or self.flow.keeps_phase else MOST_CORRECTIONS_OF_PERIOD
+        ):
             (rate,), (gap,) = best.rates, best.gaps
             change = -(rate @ gap) / (rate @ rate)
-            if not _LEAST_CHANGE < abs(change) < 0.5:  # NaN leaves the loop, too
+            if not LEAST_CORRECTION_OF_PERIOD < abs(change) < 0.5:  # NaN leaves the loop, too
                 break
             other = Shooting(self.flow, self.nodes, best.T * float(1.0 + change), self.sizes)
             if not other.distance < best.distance:
@@ -320,7 +322,7 @@ class Shooting:
         that lead far away from arcs that close are none.
         """
         best = self
-        for _ in range(_ROUNDS):
+        for _ in range(MOST_ROUNDS_OF_NEWTON):
             before, best = best, best._improved()
             is_slow = before.closes and best.distance > before.distance / 2
             if best is before or is_slow:
@@ -328,9 +330,11 @@ class Shooting:
         return self if self.closes and best._is_far_from(self) else best
 
     def _is_far_from(self, other: Shooting) -> bool:
-        """Return True if nodes or T differ from those of other arcs by more than _MOVED."""
+        """Return True if nodes or T differ from other arcs by over FARTHEST_FROM_CLOSED_ARCS."""
         ways = abs(self.nodes - other.nodes)[:, self.moving] / self.units
-        return bool(max(ways.max(initial=0.0), abs(np.log(self.T / other.T))) > _MOVED)
+        return bool(
+            max(ways.max(initial=0.0), abs(np.log(self.T / other.T))) > FARTHEST_FROM_CLOSED_ARCS
+        )
 
 
 def nearest_orbit(flow: FieldFlow, x: FloatArray, T: float) -> Shooting:
@@ -352,7 +356,7 @@ def nearest_orbit(flow: FieldFlow, x: FloatArray, T: float) -> Shooting:
             best = search
         if search.closes:
             x, T = search.nodes[0], search.T
-            if search.growth <= _GROWTH:
+            if search.growth <= GROWTH_OF_ARC:
                 break
     assert best is not None
     return best
@@ -360,7 +364,7 @@ def nearest_orbit(flow: FieldFlow, x: FloatArray, T: float) -> Shooting:
 
 def _sizes(flow: FieldFlow, start: FloatArray, T: float) -> FloatArray:
     """Return the range (D,) of each component during T, the unit of steps."""
-    states = flow.states(start, T * np.arange(1, _LOOKS + 1) / _LOOKS)
+    states = flow.states(start, T * np.arange(1, STATES_OF_ORBIT + 1) / STATES_OF_ORBIT)
     moving = ~flow.drifts
     sizes = np.ptp(np.vstack([start, states[np.isfinite(states).all(axis=1)]]), axis=0)
     if not sizes[moving].any():
@@ -370,7 +374,7 @@ def _sizes(flow: FieldFlow, start: FloatArray, T: float) -> FloatArray:
         for part in constraints.parts:
             sizes[part] = sizes[part].max(initial=0.0)
     largest = sizes[moving].max(initial=0.0) or 1.0
-    return np.maximum(np.where(moving, sizes, 0.0), _LEAST_SIZE * largest)
+    return np.maximum(np.where(moving, sizes, 0.0), LEAST_UNIT * largest)
 
 
 def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float]:
@@ -384,19 +388,21 @@ def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float
     fastest, size = float(abs(flow.rate[moving]).max()), abs(start[moving]).max()
     if fastest == 0.0:
         return None, 0.0
-    longest = _LAST * float(size or 1.0) / fastest
+    longest = LONGEST_SEARCH * float(size or 1.0) / fastest
     extent, until = np.zeros(moving.sum()), np.inf
-    best: tuple[float, float | None] = _NEAR, None
-    for begin, end in itertools.pairwise([0.0, *(longest * 2.0 ** np.arange(-_DOUBLINGS, 1.0))]):
-        times = np.linspace(begin, end, _LOOKS)
+    best: tuple[float, float | None] = NEAR_RETURN, None
+    for begin, end in itertools.pairwise(
+        [0.0, *(longest * 2.0 ** np.arange(-DOUBLINGS_OF_SEARCH, 1.0))]
+    ):
+        times = np.linspace(begin, end, STATES_OF_ORBIT)
         states = flow.states(start, times)
         ways = states[:, moving] - start[moving]
         before = np.maximum(extent, np.maximum.accumulate(abs(ways)))
         extent = before[-1]
         scale = np.where(extent > 0.0, extent, 1.0)
-        was_away = (before / scale).max(axis=1) > _AWAY
+        was_away = (before / scale).max(axis=1) > LEFT_START
         distance = np.sqrt(((ways / scale) ** 2).mean(axis=1))
-        near = distance < _FAR
+        near = distance < FARTHEST_REFINED_RETURN
         recedes = np.append(np.diff(distance) >= 0.0, True)
         returns = ~recedes[:-1] & recedes[1:] & (near[:-1] | near[1:]) & was_away[:-1]
         for k in np.flatnonzero(returns).tolist():
@@ -411,8 +417,8 @@ def near_return(flow: FieldFlow, start: FloatArray) -> tuple[float | None, float
             if t > until:
                 return best[1], end
             if distances[nearest] < (0.7 if best[1] else 1.0) * best[0]:
-                best, until = (float(distances[nearest]), t), min(until, _LATEST * t)
-            if best[0] < _NEAR / 10:
+                best, until = (float(distances[nearest]), t), min(until, LATEST_NEARER_RETURN * t)
+            if best[0] < NEAR_RETURN / 10:
                 return best[1], end
         if end > until:
             break

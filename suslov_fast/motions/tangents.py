@@ -42,24 +42,25 @@ from ..status import Status
 from .extension import extended
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 from .tangent_spaces import TangentSpaces
+from .tolerances import (
+    DEAD_DIAGONAL,
+    DIAGONAL_WITHOUT_DIGITS,
+    FEW_SEGMENTS,
+    HALVINGS_OF_SEGMENTS,
+    LARGEST_DIAGONAL,
+    LARGEST_FRAME,
+    LEAST_DIAGONAL,
+    LEAST_GROWTH,
+    LONGEST_FIRST_SEGMENT,
+    PART_OF_ALL_DIRECTIONS,
+    PART_OF_FEW_SEGMENTS,
+    PARTS_OF_PROGRESS,
+    POWERS_OF_SLOPES,
+    SKEWNESS_OF_FRAME,
+    TURN_OF_TANGENT_SPACE,
+)
 
-_MOST = 40  # m of the shortest segment, which has 2**-m of the time
-_UNITS = 2**_MOST  # number of shortest segments in the whole time
-_ROOM = 8.0  # the largest product of the length of the first segment and the size of f'
-# A segment is short enough if the diagonal of R is below _LARGEST, above _LEAST, and above _LEAST
-# times its largest entry, because allowed errors are relative to the longest tangent vectors.
-_LEAST, _LARGEST = 2.0**-10, 2.0**300
-_OF_ALL = 2.0**-6  # each column at time 0: a slow direction plus this part of all directions
-_POWERS = 8  # how often f' is applied to columns to find these directions
-_GROWTH = 2.0**-10  # smaller rates of growth, as parts of the largest entry of f', count as none
-# After the shortest segment, a diagonal entry of R has no digits if it is at most _DEAD times the
-# largest one, or _NO_DIGITS: what rounding may leave of a column of length 1 that an event makes 0.
-_DEAD, _NO_DIGITS = 2.0**-40, 2.0**-48
-_OF_PROGRESS = 1000  # `progress` counts so many equal parts of the time
-# If _FEW segments end before _PART of the time, an orthonormal frame V of up to _LARGEST_FRAME
-# columns replaces the tangent vectors. Segments then end before V^T V - 1 exceeds _OFF times rtol,
-# and before the tangent space of constraints has turned by an angle with the tangent _TURNED.
-_FEW, _PART, _LARGEST_FRAME, _OFF, _TURNED = 64, 2.0**-5, 12, 32.0, 1.0
+_UNITS = 2**HALVINGS_OF_SEGMENTS  # number of shortest segments in the whole time
 # With events, _LESS shortens the transient, and the time is cut at its part _FIRST before it is cut
 # into segments. A segment should not end just after an event, because the next one begins without
 # memory of surfaces that were met; and events often act at simple parts of the time.
@@ -102,7 +103,7 @@ def exponents_of(
         share = len(x) / max(len(starts), 1) / total
 
         def told(done: float, share: float = share, before: float = before) -> bool:
-            return report is None or report(int(_OF_PROGRESS * (before + share * done)))
+            return report is None or report(int(PARTS_OF_PROGRESS * (before + share * done)))
 
         goes_on = run.through(transient, time, told)
         exponents[where] = run.exponents()
@@ -126,14 +127,14 @@ def _slowest_first(slopes: FloatArray) -> FloatArray:
     # Processors differ in the last digits of eigenvalues, cosines, and perhaps f'. No bit of the
     # result depends on them, because s is a power of 2, and other numbers are rounded.
     rates = np.linalg.eigvals(slopes).real.max(axis=1)
-    grows = rates > _GROWTH * abs(slopes).max(axis=(1, 2))
+    grows = rates > LEAST_GROWTH * abs(slopes).max(axis=(1, 2))
     shift = np.where(grows, np.ldexp(1.0, np.frexp(1.37 * rates)[1]), 0.0)
     shifted = slopes - shift[:, np.newaxis, np.newaxis] * np.eye(n)
     generic = np.cos(1.0 + np.arange(n * n)).reshape(n, n).round(6)
     columns = np.tile(generic, (B, 1, 1))
-    for _ in range(_POWERS):
+    for _ in range(POWERS_OF_SLOPES):
         columns, _ = orthonormal(dual_product(shifted, columns))
-    return orthonormal(columns[..., ::-1].round(6) + _OF_ALL * generic)[0]
+    return orthonormal(columns[..., ::-1].round(6) + PART_OF_ALL_DIRECTIONS * generic)[0]
 
 
 def _slowest_first_in(basis: FloatArray, left: FloatArray, slopes: FloatArray) -> FloatArray:
@@ -172,7 +173,7 @@ class _Run:
         self.n = spaces.size if spaces else len(self.moving)
         self.tangent = variational(f, self.n, True)
         is_plain = not (f.is_dense or f.products or f.hybrid.chooses or f.hybrid.acts)
-        self.has_frames = np.full(len(x), is_plain and self.n <= _LARGEST_FRAME)
+        self.has_frames = np.full(len(x), is_plain and self.n <= LARGEST_FRAME)
         self.count = np.zeros(len(x), np.int64)  # number of segments so far
         self.passed = np.zeros(len(x), np.int64)  # number of given times of events so far
         slopes = np.moveaxis(f.jacobian(x.T, table.T), (0, 1), (-2, -1))[..., self.moving, :]
@@ -236,13 +237,13 @@ class _Run:
         by_frame = np.zeros(len(self.x), bool)
         self.count[:] = 0
         while (active := (self.status == Status.OK) & (at < _UNITS)).any():
-            is_slow = (self.count >= _FEW) & (at < _PART * _UNITS)
+            is_slow = (self.count >= FEW_SEGMENTS) & (at < PART_OF_FEW_SEGMENTS * _UNITS)
             by_frame = self.has_frames & (by_frame | is_slow)
             for take, chosen in ((self._segment, ~by_frame), (self._segment_of_frame, by_frame)):
                 for m in np.unique(level[active & chosen]):
                     is_next = active & chosen & (level == m) & (self.status == Status.OK)
                     which = np.flatnonzero(is_next)
-                    is_good, is_easy = take(which, time * 2.0**-m, m == _MOST)
+                    is_good, is_easy = take(which, time * 2.0**-m, m == HALVINGS_OF_SEGMENTS)
                     at[which[is_good]] += _UNITS >> m
                     level[which[~is_good]] += 1
                     fits = at[which] % (_UNITS >> m << 1) == 0
@@ -255,9 +256,11 @@ class _Run:
         """Return m of the first segment, of length time / 2**m, for each trajectory."""
         slopes = self.f.jacobian(self.x.T, self.table.T)
         size = abs(slopes).sum(axis=1).max(axis=0) * np.ones(len(self.x))
-        size = np.where(np.isfinite(size), np.maximum(time * size / _ROOM, 1.0), 1.0)
+        size = np.where(
+            np.isfinite(size), np.maximum(time * size / LONGEST_FIRST_SEGMENT, 1.0), 1.0
+        )
         part, power = np.frexp(size)  # the least power of 2 that is not below `size`
-        return np.minimum(power - (part == 0.5), _MOST).astype(np.int64)
+        return np.minimum(power - (part == 0.5), HALVINGS_OF_SEGMENTS).astype(np.int64)
 
     def _segment(self, which: NDArray[np.int64], length: float, is_last: bool) -> tuple[Any, Any]:
         """Take a segment; return masks: it was short enough, and the next one may be longer.
@@ -290,7 +293,7 @@ class _Run:
         is_end = ended & (is_last | (self.event_times is None))
         self.status[which[is_end]] = STATUS[engine.state][is_end]
         self.t[which[is_end]] += engine.t[is_end]
-        is_good = ~ended & (is_last | (part > _LEAST) & (largest < _LARGEST))
+        is_good = ~ended & (is_last | (part > LEAST_DIAGONAL) & (largest < LARGEST_DIAGONAL))
         with np.errstate(all="ignore"):
             logs = np.log(diagonal)
             of_trace = end[:, -1] / sizes - logs[:, :-1].sum(axis=1)
@@ -299,11 +302,11 @@ class _Run:
         self.count[which[is_good]] += 1
         self._accept(which, is_good, length, engine, Q, np.where(lives, logs, 0.0))
         if is_last and self.event_times is not None:
-            least = np.maximum(_DEAD * largest, _NO_DIGITS)[:, np.newaxis]
+            least = np.maximum(DEAD_DIAGONAL * largest, DIAGONAL_WITHOUT_DIGITS)[:, np.newaxis]
             dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
             for k in np.flatnonzero(dies.any(axis=1)):
                 self._bury(which[k], dies[k], end[k, :D], V[k])
-        return is_good, is_good & (part * part > _LEAST)
+        return is_good, is_good & (part * part > LEAST_DIAGONAL)
 
     def _segment_of_frame(
         self, which: NDArray[np.int64], length: float, is_last: bool
@@ -332,10 +335,10 @@ class _Run:
             V, turned = spaces.tangents(end[:, :D], U, W, which)
         Q, diagonal = self._decomposed(end[:, :D], V, which)
         self.has_frames[which[ended & (is_last or not spaces)]] = False
-        off = off / (_OFF * self.settings.rtol)
-        is_good = ~ended & (is_last | (off <= 1.0) & (turned <= _TURNED))
+        off = off / (SKEWNESS_OF_FRAME * self.settings.rtol)
+        is_good = ~ended & (is_last | (off <= 1.0) & (turned <= TURN_OF_TANGENT_SPACE))
         self._accept(which, is_good, length, engine, Q, end[:, -n:] + np.log(diagonal))
-        return is_good, is_good & (4.0 * off <= 1.0) & (2.0 * turned <= _TURNED)
+        return is_good, is_good & (4.0 * off <= 1.0) & (2.0 * turned <= TURN_OF_TANGENT_SPACE)
 
     def _accept(
         self, which: Any, is_good: Any, length: float, engine: BatchSolver, Q: Any, logs: Any

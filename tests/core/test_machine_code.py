@@ -159,8 +159,8 @@ def test_codes_in_use_are_not_freed(rng, monkeypatch, anew):
 
     run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
     monkeypatch.setattr(machine_code, "MOST_TEXT", 3 * machine_code.LEAST_TEXT)
-    monkeypatch.setattr(batch, "CHUNK_WORK", 1)
-    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)
+    monkeypatch.setattr(batch, "WORK_OF_CHUNK", 1)
+    monkeypatch.setattr(derivatives, "WORK_OF_CALL", 1)
     last = 9
     assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).states == run.states).all()
     last = 1

@@ -217,7 +217,7 @@ def test_ctrl_c():
 
 @pytest.mark.compiled
 def test_the_bar_of_progress(body, capsys, monkeypatch):
-    for name in ("CHUNK_WORK", "TURNING"):
+    for name in ("WORK_OF_CHUNK", "WORK_OF_CHUNK_WITH_TURNS"):
         monkeypatch.setattr(batch, name, 2**8)
     omega = np.ones((70, 2))
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)

@@ -154,7 +154,7 @@ def test_in_loops_with_a_late_clock_and_pickled():
 
 @pytest.mark.parametrize("stiff", [None, True])
 def test_dense_implicit_steps_are_told_of_once(stiff, monkeypatch):
-    monkeypatch.setattr(integration, "_LARGE", N - 1)
+    monkeypatch.setattr(integration, "EQUATIONS_OF_LARGE_F", N - 1)
     decays = np.logspace(0.0, 4.0, N) * (1.0 if stiff else 2.0)
     field = Field(lambda x: -decays * x + W @ np.tanh(x), NAMES)
     with pytest.warns(UserWarning, match=f"{N} x {N}"):
@@ -164,7 +164,7 @@ def test_dense_implicit_steps_are_told_of_once(stiff, monkeypatch):
 
 
 def test_long_functions_are_told_of_before_they_are_compiled(monkeypatch):
-    monkeypatch.setattr(integration, "_LONG", 2 * N * N)
+    monkeypatch.setattr(integration, "OPERATIONS_OF_LONG_F", 2 * N * N)
     field = Field(lambda x: [sum(np.sin(b - a) for b in x) for a in x], NAMES)
     with pytest.warns(UserWarning, match="operations") as told:
         sf.flow(field, X0[0], time=0.1)
@@ -173,14 +173,14 @@ def test_long_functions_are_told_of_before_they_are_compiled(monkeypatch):
 
 
 def test_long_sparse_functions_are_not_told_to_be_products(monkeypatch):
-    monkeypatch.setattr(integration, "_LONG", N // 2)
+    monkeypatch.setattr(integration, "OPERATIONS_OF_LONG_F", N // 2)
     ring = Field(lambda x: [x[i - 1] - x[i] for i in range(N)], NAMES)
     sf.flow(ring, X0[0], time=0.1)  # warnings are errors
 
 
 @pytest.mark.parametrize("stiff", [None, True])
 def test_full_quadratic_fields(stiff, monkeypatch):
-    monkeypatch.setattr(right_hand_sides, "_LONG", N)  # loops over all coefficients
+    monkeypatch.setattr(right_hand_sides, "TERMS_OF_FULL_FIELD", N)  # loops over all coefficients
     linear = W - 2.0 * np.eye(N)
     field = Field.from_terms(RNG.normal(size=(N, N, N)) / N**2, linear, C)
     motion = sf.flow(field, X0, time=1.0, stiff=stiff)

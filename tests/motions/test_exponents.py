@@ -138,7 +138,7 @@ def test_many_variables(rng, monkeypatch, field):
         found[0], exponents_by_qr(field, x[0], run[0], steps=run[1]), atol=1e-10
     )
     np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[1], *run), found[1])
-    monkeypatch.setattr(derivatives, "CHUNK_WORK", 1)
+    monkeypatch.setattr(derivatives, "WORK_OF_CALL", 1)
     again = sf.lyapunov_exponents(field, x, *run, progress=lambda *done: seen.append(done))
     np.testing.assert_array_equal(again, found)
     assert seen == [(n, 40) for n in range(1, 41)]

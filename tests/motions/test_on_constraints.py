@@ -215,8 +215,8 @@ def test_frames_within_constraints_give_the_exponents_of_columns(system, monkeyp
     frames = []
     with_frame = tangents.with_frame
     monkeypatch.setattr(tangents, "with_frame", lambda *of: frames.append(of) or with_frame(*of))
-    monkeypatch.setattr(tangents, "_FEW", 1)
-    monkeypatch.setattr(tangents, "_PART", 2.0)
+    monkeypatch.setattr(tangents, "FEW_SEGMENTS", 1)
+    monkeypatch.setattr(tangents, "PART_OF_FEW_SEGMENTS", 2.0)
     assert_allclose(lyapunov_exponents(field, x0, time=20.0), expected, atol=1e-7)
     assert frames
 

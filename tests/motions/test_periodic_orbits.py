@@ -465,7 +465,7 @@ VARIED = [
 def test_derivatives_beside_differences(field, start, period, arcs, monkeypatch):
     """Of the period, and of the state up to its motion along the orbit."""
     monkeypatch.setattr(shooting, "_ARCS", (1, *arcs))
-    monkeypatch.setattr(shooting, "_GROWTH", 1.0)  # so that more arcs are tried
+    monkeypatch.setattr(shooting, "GROWTH_OF_ARC", 1.0)  # so that more arcs are tried
     mu = field.parameters["mu"]
     given = periodic_orbit(field, start, period, derivatives="mu").derivatives["mu"]
     h = 1e-4 * mu

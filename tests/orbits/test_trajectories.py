@@ -123,7 +123,7 @@ def test_contents_of_a_dataset():
     assert (several.J.dims, several.states.shape) == (("component",), (3, 5, 3))
 
 
-SHORT = {"CHUNK_WORK": 2**10, "TURNING": 2**10, "BETWEEN": 1}
+SHORT = {"WORK_OF_CHUNK": 2**10, "WORK_OF_CHUNK_WITH_TURNS": 2**10, "STEPS_BETWEEN_REPORTS": 1}
 
 
 @pytest.mark.compiled

@@ -113,7 +113,7 @@ def test_the_readme(tmp_path, monkeypatch):
     """
     matplotlib.use("Agg")
     plt.close("all")
-    monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)
+    monkeypatch.setattr(kernel_calls, "STEPS_OF_SERIAL_CALL", math.inf)
     monkeypatch.chdir(tmp_path)
     for kind, code in all_blocks(README):
         if kind == "python":
@@ -129,7 +129,7 @@ def test_the_readme(tmp_path, monkeypatch):
 @pytest.mark.parametrize("seed", PROCESSORS[1:])
 def test_the_readme_on_other_processors(tmp_path, monkeypatch, seed):
     matplotlib.use("Agg")
-    monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)
+    monkeypatch.setattr(kernel_calls, "STEPS_OF_SERIAL_CALL", math.inf)
     monkeypatch.chdir(tmp_path)
     with other_last_digits(seed):
         for code in blocks(README, "python"):
@@ -162,7 +162,9 @@ def test_page(path, folder, tmp_path, monkeypatch):
     """
     matplotlib.use("Agg")
     plt.close("all")
-    monkeypatch.setattr(kernel_calls, "CROSSOVER", math.inf)  # parallel loops take long to compile
+    monkeypatch.setattr(
+        kernel_calls, "STEPS_OF_SERIAL_CALL", math.inf
+    )  # parallel loops take long to compile
     start = folder if path.parent.name == "howto" else tmp_path / "start"
     start.mkdir(exist_ok=True)
     before = shutil.copytree(start, tmp_path / "before")  # a page does not overwrite its files

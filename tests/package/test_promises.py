@@ -49,7 +49,7 @@ SHAPES += [((3,), (0, 3), ()), ((0,), (3, 1), ())]
 def test_a_batch_is_a_loop_in_any_order(rng, monkeypatch, name, kind):
     """Also where functions evaluate a batch in parts, between which Ctrl-C is heard."""
     row = ROWS[name]
-    monkeypatch.setattr("suslov_fast.maps.evaluation.PART", 30)
+    monkeypatch.setattr("suslov_fast.maps.evaluation.NUMBERS_OF_PART", 30)
     for shapes in SHAPES:
         body, omega, eps = sample(rng, kind, *shapes, name=name)
         batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
@@ -69,11 +69,12 @@ def test_a_batch_is_a_loop_in_any_order(rng, monkeypatch, name, kind):
 def test_threads_and_chunks(rng, monkeypatch, name, kind):
     row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
-    monkeypatch.setattr(kernel_calls, "CROSSOVER", 0)
+    monkeypatch.setattr(kernel_calls, "STEPS_OF_SERIAL_CALL", 0)
     monkeypatch.setattr(compiling, "WARM_UP", -1.0)  # kernels, not NumPy
     same(alone, row.values(*problem, threads=TWO_THREADS))
-    for module, name in ((batch, "CHUNK_WORK"), (batch, "TURNING"), (exact, "SLICE")):
-        monkeypatch.setattr(module, name, 2**6)
+    for name in ("WORK_OF_CHUNK", "WORK_OF_CHUNK_WITH_TURNS"):
+        monkeypatch.setattr(batch, name, 2**6)
+    monkeypatch.setattr(exact, "SLICE", 2**6)
     same(alone, row.values(*problem))
 
 

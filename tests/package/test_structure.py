@@ -243,6 +243,11 @@ BESIDE_FORMULAS = {
     "core/flow/memory": "BEGINS UNKEPT",
     "core/hybrid/double_crossings": "MIDDLE",
     "core/hybrid/event_formulas": "GAP OF_SURFACE",
+    "fields/equation_text": "_CALL _UNARY",
+    "fields/identities": "_FIRST_ROOT",
+    "fields/latex": "_ATOM",
+    "fields/namespaces": "_OF_PYTHON",
+    "maps/orders": "_SUZUKI",
 }
 
 

@@ -8,36 +8,21 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .. import checks
-from ..checks import FloatArray, arguments_of, short, wrong
+from ..checks import FloatArray, wrong
 from ..core.cached import cached_property
 from ..core.expressions.tables import is_table
 from ..keywords import public, public_class
-from . import coefficients, invariants, lagrangian, right_hand_sides
-from .base import Body, frozen
-from .equations import Equations, check_equalities, of_hamiltonian
-from .exact_numbers import named_parameters, to_lists
-from .layout import layout_of, layout_read, split_values
-from .mass import check_both, rates
+from . import coefficients, constructors, invariants, right_hand_sides
+from .base import frozen
+from .equations import Equations
+from .exact_numbers import to_lists
 from .mechanics import Mechanics
-from .names import TIME, check_for_map, laid_out, variables
+from .names import check_for_map, variables
 from .right_hand_sides import Actions, Names, OfMembers
 from .subsystem import subsystem
-from .symbols import NotReal
 from .terms import Terms, texts_of, without_zeros
-from .traced import (
-    EQUATIONS,
-    INDICES,
-    LAYOUT,
-    VALUES,
-    Traced,
-    operands_of_texts,
-    parts_of,
-    settled,
-)
-from .tracer import Tracer
+from .traced import EQUATIONS, INDICES, LAYOUT, VALUES, Traced, settled
 from .typed_equations import equations_of_text
-from .user_function import UserFunction, check_callable
 
 
 @public_class
@@ -145,21 +130,7 @@ class Field(Traced):
         complex: Any = False,
         **parameters: Any,
     ) -> None:
-        check_callable("f", f)  # first: if f is a text, this error helps more than missing `names`
-        if mass is not None and "mass" in arguments_of(f):
-            parameters, mass = {**parameters, "mass": mass}, None
-        of_f = UserFunction("f", f, parameters)
-        of_mass = UserFunction("mass", mass, parameters) if callable(mass) else None
-        has_time = of_f.has_time or (of_mass is not None and of_mass.has_time)
-        layout, parameters = laid_out(f, names, complex, has_time, parameters)
-        check_both(of_f, of_mass, layout.names, parameters)
-        values = named_parameters(split_values(parameters), layout.components)
-        tracer = Tracer(layout, [*values], has_products=mass is None)
-        rows = of_f.formulas(tracer)
-        if mass is not None:
-            rows[: layout.size] = rates(tracer, of_mass or mass, rows[: layout.size])
-        check_equalities(tracer.values, layout.components, rows)
-        self._take(parts_of(tracer, rows, values))
+        self._take(constructors.of_function(f, names, mass, complex, parameters))
 
     @classmethod
     @public
@@ -208,15 +179,7 @@ class Field(Traced):
         >>> Field.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
         Field(q' = p, p' = -sin(q), H = p**2/2 - cos(q))
         """
-        names = variables(names)
-        of_H = UserFunction("H", H, parameters)
-        of_H.check(names, parameters)
-        values = named_parameters(parameters, names)
-        matrix = coefficients.structure_matrix(K, len(names), names)
-        tracer = Tracer(layout_of(names), [*values])
-        [energy] = of_H.formulas(tracer)
-        equations = of_hamiltonian(tracer, names, [*values], energy, matrix)
-        return cls._of({**values, LAYOUT: tracer.layout, EQUATIONS: equations})
+        return cls._of(constructors.of_energy(H, names, K, parameters))
 
     @classmethod
     @public
@@ -292,14 +255,9 @@ class Field(Traced):
         >>> motion.states[0, :2].round(9) + 0.0
         array([ 0.        , -1.57079633])
         """
-        q, u = lagrangian.names_of(coordinates, velocities, frame is not None)
-        functions = {"L": L, "constraints": constraints, "forces": forces}
-        functions |= {"frame": frame}
-        values = named_parameters(parameters, [*q, *u])
-        found = lagrangian.of_lagrangian(functions, q, u, values, algebra)
-        tracer, rows, quantities = found
-        check_equalities(tracer.values, tracer.layout.components, rows)
-        return cls._of(parts_of(tracer, rows, values, quantities))
+        functions = {"L": L, "constraints": constraints, "forces": forces, "frame": frame}
+        names = coordinates, velocities
+        return cls._of(constructors.of_mechanics(functions, *names, algebra, parameters))
 
     @classmethod
     @public
@@ -330,8 +288,7 @@ class Field(Traced):
         >>> Field.from_equations("x' = v; v' = -w**2*sin(x) - v/8", w=2.0)
         Field(x' = v, v' = -w**2*sin(x) - v/8, w = 2.0)
         """
-        equations, parameters = equations_of_text(text, parameters)
-        return cls._read([*equations], [*equations.values()], parameters=parameters)
+        return cls._read(**equations_of_text(text, parameters))
 
     @classmethod
     @public
@@ -378,8 +335,9 @@ class Field(Traced):
     @classmethod
     def _of_terms(cls, terms: Terms, names: Sequence[str]) -> Field:
         """Return the field of terms that were checked before."""
-        layout = layout_of(tuple(names))
-        return cls._of({INDICES: terms.indices, VALUES: terms.values, LAYOUT: layout})
+        return cls._of(constructors.of_terms(terms, names))
+
+    _read = classmethod(constructors.of_entries)
 
     # ------------------------------------------------------------------------------ parts
     def _take(self, parts: Mapping[str, Any]) -> None:
@@ -505,8 +463,14 @@ class Field(Traced):
         TypeError, ValueError
             If the field is not one of formulas, or a function is not constant along motions. That
             is proved where formulas allow it; else it is tested at random states, for all members
-            and for new values in :meth:`with_parameters`, and :func:`flow` warns if an integral
-            changes at x0 or at one of the wanted states, as with a force that acts later.
+            and for new values in :meth:`with_parameters`.
+
+        Warns
+        -----
+        IntegrationWarning
+            In :func:`flow` and the like, if a function changes along f at the start of a step, as
+            with a force that acts later, or if a step cannot be moved to the integrals. The status
+            of these motions is NOT_KEPT.
 
         Examples
         --------
@@ -559,15 +523,7 @@ class Field(Traced):
         """The field as formulas; of a family of terms, coefficients c0, c1, ... are parameters."""
         if self._equations is not None:
             return self
-        names, given = {*self.names}, self._own_terms.values
-        letter = next(a for a in "cdabefghijkl" if not any(name.startswith(a) for name in names))
-        values = {f"{letter}{k}": given[..., k] for k in range(given.shape[-1] * bool(self.shape))}
-        tracer = Tracer(self._layout, [*values])
-        factors, rows = [*tracer.state, 1.0], [0.0] * self.dimension
-        coefficients = [*tracer.parameters.values()] if values else given.tolist()
-        for (i, j, k), c in zip(self._own_terms.indices.T.tolist(), coefficients, strict=True):
-            rows[i] = rows[i] + c * factors[j] * factors[k]
-        return Field._of(parts_of(tracer, [*map(tracer.result, rows)], values))
+        return Field._of(constructors.with_formulas(self._own_terms, self._layout))
 
     def _motion_lists(self, wrt: Names = None, actions: Actions = ()) -> list[OfMembers]:
         """Return the right-hand sides of all members, see `right_hand_sides.of_equations`."""
@@ -668,61 +624,3 @@ class Field(Traced):
         K = {"indices": [i, j], "values": to_lists(values)}
         [H] = described.pop("equations")
         return described | {"H": H, "K": K}
-
-    @classmethod
-    def _read(
-        cls,
-        names: Any,
-        equations: Any = None,
-        definitions: Any = None,
-        parameters: Any = None,
-        time: Any = None,
-        H: Any = None,
-        K: Any = None,
-        indices: Any = None,
-        values: Any = None,
-        quantities: Any = None,
-    ) -> Field:
-        names = variables(names)
-        layout = layout_read(names, time)
-        if indices is not None and H is None and equations is None and not parameters:
-            return cls._of_terms(coefficients.of_file(indices, values, len(names)), names)
-        if H is None and not quantities:
-            return super()._read(names, equations, definitions, parameters, time)
-        if H is not None and equations is not None:
-            raise wrong("equations", "left out beside H", short(equations))
-        first, quantities = equations if H is None else [H], quantities or {}
-        rows = [*first, *(a for of in quantities.values() for a in of)]
-        tracer, rows, given = operands_of_texts(layout, rows, definitions, parameters)
-        count, rest = len(first), iter(rows[len(first) :])
-        read = {name: [next(rest) for _ in of] for name, of in quantities.items()}
-        if H is None:
-            return cls._of(parts_of(tracer, rows[:count], given, read))
-        matrix = coefficients.structure_matrix(K, len(names))
-        of_H = of_hamiltonian(tracer, names, [*given], rows[0], matrix, read)
-        return cls._of({**given, LAYOUT: layout, EQUATIONS: of_H})
-
-
-def system_of(system: Any, x0: Any) -> Any:
-    """Return the system; for a function of the state, a field with the variables of x0."""
-    if isinstance(system, Body):
-        return system
-    if isinstance(system, type) or not callable(system):
-        checks.instance("system", system, Body)  # this raises an error
-    if isinstance(x0, Mapping):
-        return Field(system, [*x0], complex=[k for k in x0 if np.iscomplexobj(x0[k])] or False)
-    is_complex = np.iscomplexobj(x0)
-    D = (1, *checks.real_array("x0", np.real(x0) if is_complex else x0, True).shape)[-1]
-    others = arguments_of(system)[1:]
-    if others and not TIME & {*arguments_of(system)}:
-        values = ", ".join(f"{name}=..." for name in others)
-        how = f"Field(f, {D}, {values})"
-        raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
-    try:
-        return Field(system, D, complex=is_complex)
-    except TypeError as error:
-        if not isinstance(error.__cause__, NotReal):
-            raise
-        return Field(system, D, complex=True)
-    except ValueError as error:
-        raise ValueError(f"{error}, and x0 has {D} components") from None

@@ -12,10 +12,8 @@ from .exact_numbers import from_text
 _LIKE = "x' = a*x - x*y; y' = x*y - y; a = 2"
 
 
-def equations_of_text(
-    text: str, parameters: Mapping[str, Any]
-) -> tuple[dict[str, str], dict[str, Any]]:
-    """Return right-hand sides by the names of variables, and parameters with those in the text."""
+def equations_of_text(text: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return entries of `to_dict`: names, equations, and parameters with those in the text."""
     equations: dict[str, str] = {}
     values = dict(parameters)
     for part in filter(str.strip, re.split("[;\n]", text)):
@@ -37,4 +35,4 @@ def equations_of_text(
             raise ValueError(f"equations: {part.strip()}: {how}") from None
     if not equations:
         raise wrong("equations", f"like {_LIKE}", repr(text))
-    return equations, values
+    return {"names": [*equations], "equations": [*equations.values()], "parameters": values}

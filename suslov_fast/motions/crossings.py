@@ -14,12 +14,11 @@ from ..bodies.systems import System
 from ..calls import Progress, thread_count
 from ..checks import Reals, StatesLike, integer, one_number, short, wrong
 from ..core.flow.batch_solver import Settings, SolverRequest
-from ..fields.field import system_of
 from ..keywords import public
 from .event import Event
 from .events import Events, clocked
 from .flow import solved
-from .motion_arguments import RTOL, checked_derivatives, checked_settings, checked_starts
+from .motion_arguments import RTOL, checked_derivatives, checked_settings, checked_starts, system_of
 
 _LAST = ": pass its last number, or for (100, 200) time=100 after transient=100"
 

@@ -26,7 +26,6 @@ from ..checks import FloatArray, StatesLike, common_shape, first_index, short, s
 from ..core.cached import cached_property
 from ..core.expressions.linear_terms import coefficients
 from ..fields.constraints import constraints_of
-from ..fields.field import system_of
 from ..fields.html import html_table
 from ..fields.map import Map
 from ..fields.mechanics import near_constraints
@@ -35,6 +34,7 @@ from ..keywords import lacking, public
 from ..maps.formulas import eigenvalues_in_order
 from ..results.result import place_in
 from ..status import Status
+from .motion_arguments import system_of
 from .tangent_spaces import tangent_basis, within
 from .tolerances import (
     DISPLACEMENT_FROM_FAMILY,

@@ -12,7 +12,6 @@ from ..bodies.systems import System
 from ..calls import Progress, reporter, thread_count
 from ..checks import FloatArray, Reals, StatesLike, integer, short, wrong
 from ..core.flow.batch_solver import SolverRequest
-from ..fields.field import system_of
 from ..fields.map import Map
 from ..keywords import public
 from ..maps.derivatives import growth
@@ -124,7 +123,7 @@ def lyapunov_exponents(
     >>> exponents.round(1) + 0.0
     array([  0.9,   0. , -14.6])
     """
-    body: Any = system_of(system, x0)
+    body: Any = motion_arguments.system_of(system, x0)
     if isinstance(body, Map):
         eps, steps = eps_and_steps("lyapunov_exponents", body, eps, steps)
     others = {"method": method, "rtol": rtol, "events": events}

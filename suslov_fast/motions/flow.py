@@ -14,7 +14,6 @@ from ..bodies.systems import System
 from ..calls import Progress
 from ..checks import FloatArray, Reals, StatesLike
 from ..core.flow.batch_solver import Settings, SolverRequest
-from ..fields.field import system_of
 from ..keywords import public
 from ..results.result import read_only, times_of, zeros_of
 from ..status import Status
@@ -26,6 +25,7 @@ from .motion_arguments import (
     checked_settings,
     checked_starts,
     request_of,
+    system_of,
     warn_of_event_times,
     warn_of_times,
 )

@@ -10,11 +10,15 @@ import numpy as np
 
 from .. import checks
 from ..calls import flat_arrays, thread_count
-from ..checks import FloatArray, common_shape, first_index, short, spell, wrong
+from ..checks import FloatArray, arguments_of, common_shape, first_index, short, spell, wrong
 from ..core.flow.batch_solver import Settings, SolverRequest
 from ..core.flow.tolerances import LEAST_RTOL, MOST_TRIES
+from ..fields.base import Body
 from ..fields.constraints import check_constraints, constraints_of
+from ..fields.field import Field
 from ..fields.layout import parts_of_name
+from ..fields.names import TIME
+from ..fields.symbols import NotReal
 from ..results.result import read_only
 from ..status import IntegrationWarning, Status
 from .event import Event
@@ -274,3 +278,28 @@ def warn_of_lost_components(system: Any, result: SolverResult, batch: tuple[int,
         f"{np.count_nonzero(doubtful)} of {doubtful.size} solutions have a component that {why} "
         f"(first: trajectory {index}): {how}"
     )
+
+
+def system_of(system: Any, x0: Any) -> Any:
+    """Return the system; for a function of the state, a field with the variables of x0."""
+    if isinstance(system, Body):
+        return system
+    if isinstance(system, type) or not callable(system):
+        checks.instance("system", system, Body)  # this raises an error
+    if isinstance(x0, Mapping):
+        return Field(system, [*x0], complex=[k for k in x0 if np.iscomplexobj(x0[k])] or False)
+    is_complex = np.iscomplexobj(x0)
+    D = (1, *checks.real_array("x0", np.real(x0) if is_complex else x0, True).shape)[-1]
+    others = arguments_of(system)[1:]
+    if others and not TIME & {*arguments_of(system)}:
+        values = ", ".join(f"{name}=..." for name in others)
+        how = f"Field(f, {D}, {values})"
+        raise TypeError(f"system: a function of the state alone, or {how}, not one of parameters")
+    try:
+        return Field(system, D, complex=is_complex)
+    except TypeError as error:
+        if not isinstance(error.__cause__, NotReal):
+            raise
+        return Field(system, D, complex=True)
+    except ValueError as error:
+        raise ValueError(f"{error}, and x0 has {D} components") from None

@@ -15,7 +15,7 @@ from ..core.expressions.linear_terms import coefficients
 from ..core.flow.batch_solver import Settings
 from ..errors import NoConvergence
 from ..fields.constraints import check_constraints, constraints_of
-from ..fields.field import Field, system_of
+from ..fields.field import Field
 from ..fields.map import Map
 from ..keywords import public
 from ..maps.formulas import eigenvalues_in_order
@@ -23,7 +23,7 @@ from ..results.result import place_in
 from .event import Event, EventLike
 from .events import Derivatives, checked_events, clocked
 from .kept_integrals import warn_of_unkept
-from .motion_arguments import checked_derivatives, checked_settings
+from .motion_arguments import checked_derivatives, checked_settings, system_of
 from .periodic_orbit_results import OrbitDerivatives, PeriodicOrbit, each_of, joined
 from .shooting import FieldFlow, Shooting, near_return, nearest_orbit
 from .tolerances import (

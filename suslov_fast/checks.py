@@ -129,12 +129,12 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
-_PLAIN = {np.ndarray, list, tuple}
+PLAIN = {np.ndarray, list, tuple}  # types of states that `start_of` leaves as they are
 
 
 def start_of(value: Any, time: Any) -> tuple[Any, Any]:
     """Return states and the time at them; a motion goes on at its end, by default at its time."""
-    if type(value) in _PLAIN or not hasattr(value, "_last"):  # the first test is for speed
+    if type(value) in PLAIN or not hasattr(value, "_last"):  # the first test is for speed
         return value, time
     states, end = value._last
     return states, end if time is None else time

@@ -96,7 +96,8 @@ class Layout:
 
     def enter(self, name: str, value: Any, time: Any = None, called: str = "t0") -> FloatArray:
         """Return states of the engine (..., D) for states of users at a time, by default 0."""
-        value, time = checks.start_of(value, time)
+        if type(value) not in checks.PLAIN:
+            value, time = checks.start_of(value, time)
         if time is None and self.is_plain:  # for speed in small calls
             return checks.states(name, value, self.names)
         x = self.states(name, value)

@@ -151,7 +151,7 @@ def flow(
     """
     body: Any = system_of(system, x0)
     names, acting = checked_derivatives(body, derivatives), checked_events(events)
-    timed = clocked(body, acting)
+    timed = clocked(body, acting) if acting else body
     settings = checked_settings(timed, rtol, atol, max_step, stiff)
     request = request_of(time, settings, threads)
     x, batch, t0 = checked_starts(timed, x0, batch_of(acting) if acting else (), t0)
@@ -184,8 +184,7 @@ def solved(
         start = x.copy().reshape(*batch, x.shape[1])
     else:
         states, start = result.states[:, 0], x[0].copy()
-    motion = {
-        **_of_request(request, batch),
+    motion = _of_request(request, batch) | {
         "body": body,
         "states": read_only(layout.leave(states)),
         "_start": read_only(start),
@@ -216,8 +215,8 @@ def solved(
 def _of_request(request: SolverRequest, batch: tuple[int, ...]) -> dict[str, Any]:
     """Return the attributes of motions that reach the last time, but for those of solutions."""
     times, settings = request.times, request.settings
-    if len(times) == 1 and math.prod(batch) <= FEW_MOTIONS:  # for speed in small calls
-        return _at_one_time(times.item(), batch, settings)
+    if len(times) == 1 and (time := times.item()) and math.prod(batch) <= FEW_MOTIONS:
+        return _at_one_time(time, batch, settings)  # for speed in small calls; not 0, or -0
     last = request.sign * abs(times).max(initial=0.0)
     return _at_times(times, np.full(batch, last) if batch else np.array(last), settings)
 

@@ -254,10 +254,10 @@ def to_tolerance(
         last = request.times.item(-1)
     has_events = request.event_times is not None
     if last > 0.0 or has_events:  # events at time 0 act, too
-        parts = right_hand_sides(groups, shape, batch)
-        where, f, table = parts[0]
-        is_one = where is ALL
-        result = _of_group(f, table, x, request) if is_one else _of_groups(parts, x, request)
+        if math.prod(shape) == 1:  # for speed in small calls
+            result = _of_group(groups[0].f, groups[0].table[0], x, request)
+        else:
+            result = _of_groups(right_hand_sides(groups, shape, batch), x, request)
     else:
         result = empty_result(x, 1).without_steps(np.isnan(x[:, 0]))
     if first == 0.0:
@@ -362,6 +362,9 @@ def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> S
 
 def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
+    where, f, table = groups[0]
+    if where is ALL:
+        return _of_group(f, table, starts, request)
     result, report, done = empty_result(starts, len(request.times)), request.report, 0
     for where, f, table in groups:
         of_part = None if report is None else lambda now, before=done: report(before + now)

@@ -76,6 +76,15 @@ class _PreparedRunner(batch_solver.StepRunner):
         self.numbers[NUMBER.enough], self.numbers[NUMBER.since] = request.most, request.since
         self.stops[:], self.records = self.first_stops, []
 
+    def is_clear(self):
+        """Return whether all trajectories have reached the last time, without an alarm."""
+        if self.unkept is not None and np.count_nonzero(self.unkept):
+            return False
+        if self.W == 1:  # for speed in small calls
+            return self.state.item() == LaneState.DONE and self.most_lost.item() != math.inf
+        is_done = _count(self.state, LaneState.DONE) == len(self.state)
+        return is_done and not _count(self.most_lost, math.inf)
+
 
 @functools.lru_cache(64)
 def prepared(f, settings, sign, B, for_each):
@@ -115,19 +124,16 @@ def solve_small_batch(f, table, x0, request):
             break
         runner.use(batch_solver.integrator_of(f, int(end), request.settings))  # it turns
     states, records = runner.states.copy(), runner.records
-    is_clear = _count(runner.most_lost, math.inf) == 0
-    if runner.unkept is not None and np.count_nonzero(runner.unkept):
-        is_clear = False
-    if _count(runner.state, LaneState.DONE) < B or not is_clear:
-        own = runner.table.copy() if f.hybrid.chooses else None
-        found = states, None, None, (runner.rows.copy(), own, records)
-    else:
+    if runner.is_clear():
         columns = {}
         for name, row, kind in runner.columns:  # faster than a comprehension
             columns[name] = row.astype(kind)
         found = states, columns, records, None
         if starts is not None:
             batch_solver.add_starts(f, starts, states, records)
+    else:
+        own = runner.table.copy() if f.hybrid.chooses else None
+        found = states, None, None, (runner.rows.copy(), own, records)
     if states.size > STATES_IN_MEMORY:
         runner.moduli = runner.times = runner.states = None
     free.append(runner)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from ..calls import ALL, flat_parameter
 from ..checks import FloatArray, wrong
 from ..core.maps.kernel import scheme_of
-from ..core.maps.map_step import LONGEST
 from ..core.maps.stages import WHOLE, Scheme, Stages
 from ..core.maps.step_system import FieldSystem, map_system_of, system_of
+from ..core.maps.tolerances import LONGEST_MAP
 from ..core.suslov.map_nd import FAR_FROM_0, NDSystem
 from ..fields import terms
 
@@ -60,7 +60,7 @@ def by_map(body: Any, eps: Any, batch: tuple[int, ...]) -> Any:
 def map_system(body: Any, _: float) -> FieldSystem:
     """Return the code and the parameters of a single map, for `compiled`."""
     if not body._operations.usual:
-        raise wrong("system", f"a map of at most {LONGEST:,} operations", body._called)
+        raise wrong("system", f"a map of at most {LONGEST_MAP:,} operations", body._called)
     return map_system_of(body._operations, body._rows)
 
 

@@ -93,7 +93,7 @@ def test_bits_without_jit():
 # Sizes that decide how a step is computed, and how much the results may differ.
 MATRIX = {"MOST_OF_DENSE": -1, "MOST_OF_SPARSE": -1}
 WAYS = {
-    "pieces": ({"LONGEST_OPTIMISED": 0}, 0.0),
+    "pieces": ({"MOST_OPTIMISED": 0}, 0.0),
     "loops over the matrix": (MATRIX | {"SPARSE_PART": 0.0}, 1e-10),
     "SuperLU": (MATRIX | {"SPARSE_PART": np.inf}, 1e-10),
 }

@@ -207,7 +207,7 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
         options = {"save_every": 3, "method": method, "on_singular": "ignore", "threads": 1}
         whole, usual = sf.iterate(*args, **options), len(calls)
         with monkeypatch.context() as patch:
-            patch.setattr(kernel, "PIVOTING_TIME", 1)
+            patch.setattr(kernel, "TIME_OF_PIVOTING", 1)
             assert sf.iterate(*args, **options) == whole
         assert len(calls) > 2 * usual
         calls.clear()

@@ -213,7 +213,7 @@ def test_long_lists_have_the_same_bits(monkeypatch):
     """NumPy takes maps of more operations than LLVM compiles soon."""
     x = starts(MAPS["lattice"], 9)
     expected = iterate(MAPS["lattice"], x, 20)
-    monkeypatch.setattr(map_step, "LONGEST", 100)
+    monkeypatch.setattr(map_step, "LONGEST_MAP", 100)
     map_step.map_step.cache_clear()
     other = Map(lambda x, r: lattice(x, r), 30, r=3.9)
     assert not other._operations.usual

@@ -13,11 +13,8 @@ from llvmlite import binding
 from numba import config
 
 from ..numba.decorators import advice_on_numba, free_in_children
+from .tolerances import LEAST_TEXT, MOST_TEXT
 
-# Codes that need not last are dropped when their texts reach MOST_TEXT in all: some 250 MB
-# of memory. Each counts as LEAST_TEXT at least, because it takes two memory mappings; Linux grants
-# 65,530 to a process, and LLVM ends the process if it gets none.
-MOST_TEXT, LEAST_TEXT = 2**28, 2**16
 # LLVM's highest level of optimisation. At 0 compiling takes .5 to .6 of the time, and steps 1.3 to
 # 2.2 times as long, with the same bits: measured on six fields, of 2 to 24 variables.
 LEVEL = 0 if os.environ.get("SUSLOV_FAST_OPT") == "0" else 2

@@ -5,9 +5,7 @@ from types import SimpleNamespace
 
 from ..expressions.sparse_elimination import SLOT, ColumnOffsets
 from .text import Carried, Code, Index, Integers
-
-# Rows of a span (`_along`) taken at once if W = 1. Singly, lattices take 1.15 times as long.
-AT_ONCE = 4
+from .tolerances import ROWS_OF_SPAN
 
 
 def _parts(text, plan, *names):
@@ -37,9 +35,9 @@ def _along(text, parts, begin, end, row_0, numbers=0):
     A span is a range of consecutive rows with entries of a column of L or U, and small gaps.
     Yield the text for a loop's body, the address of a row in a column, and the address of the entry
     of L or U in this row. `row_0` is the address of row 0, `numbers` of the first entry. If W is 1,
-    one loop takes AT_ONCE rows as lanes of a wider text; the bits are the same.
+    one loop takes ROWS_OF_SPAN rows as lanes of a wider text; the bits are the same.
     """
-    inner = Code(max(text.W, AT_ONCE), text)
+    inner = Code(max(text.W, ROWS_OF_SPAN), text)
     size = text.size
     with text.when(begin < end):
         for now in text.rounds(Carried(span=begin, number=numbers)):
@@ -47,8 +45,8 @@ def _along(text, parts, begin, end, row_0, numbers=0):
             first = row_0 + first * size
             rest = 0
             if text.W == 1:
-                rest = count - (count & (AT_ONCE - 1))
-                for n in _between(text, 0, rest // AT_ONCE):
+                rest = count - (count & (ROWS_OF_SPAN - 1))
+                for n in _between(text, 0, rest // ROWS_OF_SPAN):
                     yield inner, first + n * inner.size, now.number + n * inner.size
             for n in _between(text, rest, count):
                 yield text, first + n * size, now.number + n * size
@@ -61,7 +59,7 @@ def _for_rows(text, value):
     """Return {W: `value` in W lanes} for the texts of W lanes that `_along` yields."""
     if text.W > 1:
         return {text.W: value}
-    return {1: value, AT_ONCE: text.lanes(AT_ONCE).splat(value)}
+    return {1: value, ROWS_OF_SPAN: text.lanes(ROWS_OF_SPAN).splat(value)}
 
 
 def add_factors(text, name, plan):

@@ -22,10 +22,9 @@ from ..expressions.elementary import LARGE_ANGLE, OF_ANGLES, list_of
 from ..expressions.numpy_evaluation import OF_BITS, OF_LIBRARY, OF_LISTS, OF_TRUTH_VALUES
 from ..expressions.tables import LARGEST, Table, is_table
 from .compiler import pointer
+from .tolerances import MANY_ROWS, ROWS_OF_FILL
 
-WRITTEN_OUT = 4  # the most rounds of a loop that is unrolled where it takes much of the time
 _NUMBER, _BITS = struct.Struct("d"), struct.Struct("Q")
-AT_ONCE, MANY = 8, 100  # rows that `Code.fill` takes at once, if there are MANY rows
 
 
 # -------------------------------------------------------------------------------------- the names
@@ -403,8 +402,8 @@ class Code:
     def fill(self, rows, count, of, *inputs):
         """Add loops that write rows[i] = of(a[i], b[i], ...) for i < count; `inputs` are a, b, ...
 
-        An input that is a `Value` is the same for all rows. One lane takes AT_ONCE rows a round,
-        because without optimisation rounds take most of the time. Few rows are taken singly,
+        An input that is a `Value` is the same for all rows. One lane takes ROWS_OF_FILL rows a
+        round, because without optimisation rounds take most of the time. Few rows are taken singly,
         because processors stall on a vector of rows that were just written singly.
         """
 
@@ -413,12 +412,12 @@ class Code:
             text.array(rows.base, rows.first)[i] = of(*values)
 
         first = 0
-        if self.W == 1 and count >= MANY:
-            first = count - count % AT_ONCE
-            wide = self.lanes(AT_ONCE)
+        if self.W == 1 and count >= MANY_ROWS:
+            first = count - count % ROWS_OF_FILL
+            wide = self.lanes(ROWS_OF_FILL)
             wide_inputs = [a if isinstance(a, Array) else wide.splat(a) for a in inputs]
-            for k in self.each(first // AT_ONCE):
-                put(wide, wide_inputs, k * AT_ONCE)
+            for k in self.each(first // ROWS_OF_FILL):
+                put(wide, wide_inputs, k * ROWS_OF_FILL)
         for k in self.each(count - first):
             put(self, inputs, k + first)
 

@@ -8,7 +8,8 @@ computes them. At the end of a whole step states are saved.
 import math
 from typing import NamedTuple
 
-from ..llvm.text import WRITTEN_OUT, Carried, Code, Index, Integers, Shared, Truth
+from ..llvm.text import Carried, Code, Index, Integers, Shared, Truth
+from ..llvm.tolerances import WRITTEN_OUT
 from ..numba.status_codes import CHANGED, NONFINITE
 from .stage_code import Stage, loader
 

@@ -36,23 +36,18 @@ from ..expressions.symbolic_elimination import (
     work_of,
 )
 from ..expressions.values import joined, larger
-
-# A step has lost digits if one component of the next state is below SMALL_PART times half of its
-# increment, or if each component is below LARGE_PART times half of its increment.
-SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
-SIGNIFICANT = 2.0**-1000  # a change of sign to a smaller modulus does not count: it may be rounding
-# The most instructions of straight-line code that LLVM optimises, in 0.3 to 0.5 ms each. Longer
-# programs are split into blocks: an instruction compiles in 20 us, and takes twice the time to run.
-LONGEST_OPTIMISED = 4000
-# The most products of elimination that depend on the state: of dense fields, which have more than
-# SPARSE_PART D**3 products, and of sparse fields. Fields with more products have no program.
-SPARSE_PART, MOST_OF_DENSE, MOST_OF_SPARSE = 1 / 8, 4000, 40_000
-# The most products of parameters alone, which NumPy computes once for each step size.
-LONGEST_ONCE = 400_000
-# Steps with columns of derivatives have a program if they have at most MOST_COLUMNS components, and
-# if this number times the products of an elimination is at most MOST_WORK. For more, LLVM would
-# take seconds, so NumPy computes the derivatives.
-MOST_COLUMNS, MOST_WORK = 16, 4000
+from .tolerances import (
+    COMPONENTS_WITH_COLUMNS,
+    LARGE_BESIDE_INCREMENT,
+    LEAST_WITH_SIGN,
+    MOST_OF_DENSE,
+    MOST_OF_PARAMETERS,
+    MOST_OF_SPARSE,
+    MOST_OPTIMISED,
+    PART_OF_DENSE,
+    SMALL_BESIDE_INCREMENT,
+    WORK_WITH_COLUMNS,
+)
 
 
 def of_one_sign(indices):
@@ -101,9 +96,9 @@ class Step:
         order, fill, varying = _plan_of(indices, D)
         work, of_state = work_of(order, fill, varying)
         of_state += int((indices[2] < D).sum())
-        self.is_sparse = work < SPARSE_PART * D**3
+        self.is_sparse = work < PART_OF_DENSE * D**3
         most = MOST_OF_SPARSE if self.is_sparse else MOST_OF_DENSE
-        if work - of_state > LONGEST_ONCE or of_state > most:
+        if work - of_state > MOST_OF_PARAMETERS or of_state > most:
             return
         self._add_tests(self._increments(indices, D, range(D, D + self.T), order, fill))
         self._separate_fixed()
@@ -144,7 +139,7 @@ class Step:
         return ExtendedStep(self.indices, self.D)
 
     length = cached_property(lambda self: length_of(self.usual))
-    is_long = property(lambda self: self.length > LONGEST_OPTIMISED)
+    is_long = property(lambda self: self.length > MOST_OPTIMISED)
 
     def _add_tests(self, increments):
         """Add the operations `rare`, for steps that are not `good`, and the tests of steps.
@@ -156,7 +151,7 @@ class Step:
         after = {k: number(self.after[k]) for k in {*increments, *self.of_one_sign}}
         sizes = {k: abs(after[k]) for k in increments}
         parts = {k: abs(number(half)) for k, half in increments.items()}
-        limits = {k: SMALL_PART * part for k, part in parts.items()}
+        limits = {k: SMALL_BESIDE_INCREMENT * part for k, part in parts.items()}
         common = [sizes[k] >= limits[k] for k in increments]
         tests = [*common, self.factors.is_good()]
         tested = sorted(self.of_one_sign)
@@ -165,12 +160,12 @@ class Step:
             size, part = (joined("fadd", each.values()) for each in (sizes, parts))
             tests.append(size < np.inf)
             if len(increments) == self.D:
-                tests.append(size > LARGE_PART * part)
+                tests.append(size > LARGE_BESIDE_INCREMENT * part)
         self.good = joined("and", tests).number
         first_rare, tests = len(self.values.operations), []
         self.after_rare = [*self.after]
         if increments:
-            beyond = [sizes[k] - LARGE_PART * parts[k] for k in increments]
+            beyond = [sizes[k] - LARGE_BESIDE_INCREMENT * parts[k] for k in increments]
             excess = joined("fadd", [larger(0.0, each) for each in beyond])  # NaN stays NaN
             common.append(excess < np.inf)
             if len(increments) == self.D:  # a component that stays 0 is accurate: size = limit = 0
@@ -186,8 +181,8 @@ class Step:
         changes = []
         for k in tested:
             x, following = number(k), number(self.after_rare[k])
-            changes.append((x < 0.0) & (following > SIGNIFICANT))
-            changes.append((x > 0.0) & (following < -SIGNIFICANT))
+            changes.append((x < 0.0) & (following > LEAST_WITH_SIGN))
+            changes.append((x > 0.0) & (following < -LEAST_WITH_SIGN))
         self.changed = joined("or", changes).number if changes else None
         self.rare = self.values.operations[first_rare:]
 
@@ -241,7 +236,7 @@ class ExtendedStep(Step):
         order, fill, varying = _plan_of(indices, D)
         self.state_D = D
         halves = range(size, size + self.T)
-        if D > MOST_COLUMNS or work_of(order, fill, varying)[0] * D > MOST_WORK:
+        if D > COMPONENTS_WITH_COLUMNS or work_of(order, fill, varying)[0] * D > WORK_WITH_COLUMNS:
             return
         increments = self._increments(indices, D, halves, order, fill)
         columns = self._columns(Matrix(indices, D, self.values, self.after[:D], halves), D)

@@ -27,17 +27,19 @@ from ..numba.threads import in_parts
 from .dense import take_dense
 from .driver import NOT_READY, SLOT, WIDTH, DriverArguments, text_of_steps
 from .kahan_step import Step
-from .packs import PLANS, in_lines, note_undefined, packed, plan_of, tables_of
+from .packs import in_lines, note_undefined, packed, plan_of, tables_of
 from .pivoting import ENDED, PASSED, arguments_of, pivoting_step
 from .stages import WHOLE, Scheme
+from .tolerances import (
+    FIELDS_IN_MEMORY,
+    SHORT_RUN,
+    TIME_OF_OPERATION_IN_PYTHON,
+    TIME_OF_PIVOTING,
+    TRAJECTORIES_IN_LINES,
+)
 
-CHUNK = 2**13  # trajectories that are copied into lines at once
-PIVOTING_TIME = 5 * 10**7  # nanoseconds of `pivoting_step` steps, after which Python handles Ctrl-C
-_IN_PYTHON = 1e-5  # seconds in Python for an operation; a step with pivoting counts as D**2 of them
-SHORT_RUN = 256  # lines times steps up to which `pivoting_step` is prepared only if lanes need it
 
-
-@functools.lru_cache(PLANS)
+@functools.lru_cache(FIELDS_IN_MEMORY)
 def _step_of(places, D):
     # A copy, because kernels would be compiled once more for arrays that cannot be written.
     return Step(np.frombuffer(places, np.int64).reshape(3, -1).copy(), D)
@@ -107,7 +109,7 @@ class _Lines:
             in_python = not pivoting_step.is_compiled
         numbers, _kept_alive = self._driver_arguments(start, steps, *rows, pivoting_address)
         of_one = self.W * (self.D**3 + 200) * (1000 if in_python else 1)
-        budget = max(PIVOTING_TIME // of_one, 1)
+        budget = max(TIME_OF_PIVOTING // of_one, 1)
         while numbers[SLOT.line] < numbers[SLOT.lines] and not abandoned:
             numbers[SLOT.budget] = budget
             with calling_python() if in_python or config.DISABLE_JIT else nullcontext():
@@ -196,8 +198,8 @@ def _iterate_part(part, parts, arguments, x0, span, output, abandoned):
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)
-    for at in range(first, last, CHUNK):
-        chunk = slice(at, min(at + CHUNK, last))
+    for at in range(first, last, TRAJECTORIES_IN_LINES):
+        chunk = slice(at, min(at + TRAJECTORIES_IN_LINES, last))
         of_chunk = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
         states, written = starts[chunk], output.of(chunk)
         notes = written.status, written.failed_at, written.carry[0]
@@ -226,7 +228,8 @@ def _take_steps(lines, states, span, saved, abandoned):
         step, stages = lines.scheme
         work = (stop - start) * len(stages.fractions) * (step.length + lines.B * step.D**2)
         lines.start_from(states)
-        lines.take(*arguments, seconds=_IN_PYTHON * work)  # again from the start: few runs need it
+        # Again from the start: few runs need it.
+        lines.take(*arguments, seconds=TIME_OF_OPERATION_IN_PYTHON * work)
 
 
 field_steps = FieldSteps()

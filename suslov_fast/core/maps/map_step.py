@@ -11,10 +11,8 @@ from ..expressions.numpy_evaluation import OF_TRUTH_VALUES
 from ..expressions.programs import Expressions, Program, Values, emitted, united
 from ..expressions.values import joined
 from .kahan_step import ExtendedStep
+from .tolerances import LONGEST_MAP, WORK_OF_DERIVATIVES
 
-# NumPy runs programs of more than LONGEST operations, which LLVM would compile for seconds, and
-# computes derivatives with more than MOST_WORK products (measured on coupled lattices).
-LONGEST, MOST_WORK = 10_000, 4000
 # Operands that pass NaN on, in functions where some do not: max and min return one number if the
 # other is NaN, and NaN**0 = 1**NaN = 1.
 _PASSES_NAN_ON = {"select": slice(1, None), **dict.fromkeys(("max", "min", "pow"), slice(0))}
@@ -33,7 +31,7 @@ class MapStep(ExtendedStep):
         self.fixed, self.table, self.usual, self.rare, self.places = [], [], [], [], {}
         self.values = values = Expressions(size + f.P, range(size, size + f.P))
         work = D * (len(f.pattern) + 2 * D * D) * columns
-        if work > MOST_WORK or len(f.rates.operations) > LONGEST:
+        if work > WORK_OF_DERIVATIVES or len(f.rates.operations) > LONGEST_MAP:
             return
         known = {i: i for i in range(D)} | {D + k: size + k for k in range(f.P)}
         programs = (Program(f.fixed, []), f.rates, f.derivative)[: 2 + columns]

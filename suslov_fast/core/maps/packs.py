@@ -8,8 +8,7 @@ import numpy as np
 from ..llvm.compiler import address_of
 from ..numba.status_codes import NONFINITE, OK
 from .stages import distinct
-
-PLANS = 32  # the most fields for which tables are kept from call to call
+from .tolerances import FIELDS_IN_MEMORY
 
 
 def zeros(*shape):
@@ -36,7 +35,7 @@ def in_lines(rows, W):
     return aligned(padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2))
 
 
-@functools.lru_cache(PLANS)  # because computing a table takes longer than a few steps
+@functools.lru_cache(FIELDS_IN_MEMORY)  # because computing a table takes longer than a few steps
 def common_table(step, stages, eps, values):
     """Return eps v / 2 and tables (`tables_of`) of one field, cached by bytes of eps and values."""
     values = np.frombuffer(values)

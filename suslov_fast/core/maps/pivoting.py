@@ -14,7 +14,7 @@ from ..numba.arrays import array_at
 from ..numba.decorators import c_function, function
 from ..numba.gauss import solve
 from ..numba.status_codes import CHANGED, OK, PASSED_POLE
-from .kahan_step import SIGNIFICANT
+from .tolerances import LEAST_WITH_SIGN
 
 ENDED, PASSED = range(2)  # rows of `LineArguments.marks`
 
@@ -55,7 +55,7 @@ def solve_lane(indices, half, x, system, units):
 @function
 def crosses_0(x, after):
     """Return True if a component changes its sign from x to `after`, by more than rounding."""
-    return (x < 0.0 and after > SIGNIFICANT) or (x > 0.0 and after < -SIGNIFICANT)
+    return (x < 0.0 and after > LEAST_WITH_SIGN) or (x > 0.0 and after < -LEAST_WITH_SIGN)
 
 
 @function

@@ -16,12 +16,13 @@ from ..numba.intrinsics import call_code, with_address
 from ..numba.status_codes import NONFINITE, OK, PASSED_POLE
 from .driver import DONE, SLOT, DriverArguments, text_of_steps
 from .kernel import scheme_of
-from .packs import PLANS, common_table, plan_of
+from .packs import common_table, plan_of
 from .pivoting import changes_sign, solve_lane
 from .stage_code import text_of_stage
+from .tolerances import FIELDS_IN_MEMORY, OPERATIONS_WITHOUT_PAUSE
 
 
-@functools.lru_cache(PLANS)
+@functools.lru_cache(FIELDS_IN_MEMORY)
 def _prepared(step, stages, eps, values, saves):
     """Return a step's code, its `DriverArguments`, and arrays that must stay alive."""
     table = common_table(step, stages, eps, values)[1]
@@ -43,7 +44,7 @@ def steps_of_one(arguments, x, count=1, every=0, saved=None):
     (step, stages), values, eps = arguments
     parts = len(stages.fractions)
     work = count * parts * (step.length or 1)
-    if not (step.usual and 0 < work <= _SHORT and math.isfinite(sum(x.tolist()))):
+    if not (step.usual and 0 < work <= OPERATIONS_WITHOUT_PAUSE and math.isfinite(sum(x.tolist()))):
         return None
     code, template, _ = _prepared(step, stages, eps.tobytes(), values.tobytes(), every > 0)
     x, numbers = x.copy(), template[:]
@@ -57,9 +58,6 @@ def steps_of_one(arguments, x, count=1, every=0, saved=None):
     numbers[SLOT.x] = address_of(x)
     numbers[SLOT.ended] = numbers[SLOT.passed] = at + 8 * len(SLOT)
     return x if code.call(at) == DONE else None
-
-
-_SHORT = 10**6  # the most operations of one call of machine code: Ctrl-C waits until it ends
 
 
 @with_address

@@ -12,12 +12,9 @@ from scipy.sparse.linalg import splu
 
 from ..numba.decorators import function, kernel
 from ..numba.status_codes import NONFINITE, PASSED_POLE, SINGULAR
-from .kahan_step import SIGNIFICANT
+from .tolerances import LEAST_REFINEMENT, LEAST_WITH_SIGN, MOST_REFINEMENTS, TIME_OF_ENTRY_IN_PYTHON
 
-ROUNDS = 4  # the most refinements of a solution; two suffice but near poles
-LEAST_CHANGE = 2.0**-85  # refinement ends when it changes each component by less, relatively
 SPLITTER = 2.0**27 + 1.0  # divides numbers in two halves, whose products are exact
-_IN_PYTHON = 3e-6  # seconds in Python for an entry of a residual
 
 
 def take(arguments, states, span, output, abandoned):
@@ -51,7 +48,7 @@ def take(arguments, states, span, output, abandoned):
             passed = which[(sign < 0) & ~fails & (poles[which] == 0.0)]
             poles[passed], status[passed], failed_at[passed] = n, PASSED_POLE, n
         after = x[:, signs]
-        size = SIGNIFICANT
+        size = LEAST_WITH_SIGN
         changed = ((before < 0.0) & (after > size) | (before > 0.0) & (after < -size)).any(axis=1)
         changed &= alive & (poles == 0.0)
         poles[changed], status[changed], failed_at[changed] = -n, PASSED_POLE, n
@@ -114,9 +111,9 @@ def _refined(factors, A, right):
     """Return A**-1 right, rounded from a sum of two numbers for each component."""
     arrays = A.indptr, A.indices, A.data
     high, low = factors.solve(right), np.zeros(len(right))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_REFINEMENTS):
         residual = np.array([right, low * 0.0])
-        seconds = _IN_PYTHON * len(A.data)
+        seconds = TIME_OF_ENTRY_IN_PYTHON * len(A.data)
         subtract_product.interpreted_or_serial(seconds, *arrays, high, low, residual)
         change = factors.solve(residual[0] + residual[1])
         if not np.isfinite(change).all():
@@ -124,7 +121,7 @@ def _refined(factors, A, right):
         low = low + change
         total = high + low
         high, low = total, low - (total - high)
-        if (abs(change) <= LEAST_CHANGE * abs(high)).all():
+        if (abs(change) <= LEAST_REFINEMENT * abs(high)).all():
             break
     return high
 

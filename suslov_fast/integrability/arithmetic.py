@@ -14,6 +14,12 @@ import numpy as np
 
 from ..checks import refuse, wrong
 from ..fields.exact_numbers import exact as as_fraction, from_lists
+from .tolerances import (
+    LEAST_DENOMINATOR_OF_DECIMAL,
+    LEAST_WHOLE_FLOAT,
+    MOST_DENOMINATOR_OF_RATIO,
+    MOST_PRIMES_DRAWN,
+)
 
 Point = tuple[Fraction, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
@@ -23,11 +29,6 @@ Rows = Sequence[Sequence[tuple[dict[Values, Any], dict[Values, Any]]]]
 
 # Fixed numbers that replace letters (eps first), and serve as random numbers.
 EPS = (2**40 + 7, *random.Random(0).sample(range(2**40, 2**41), 11))
-EXTRA = 10  # systems have so many more equations than unknowns
-DRAWS = 8  # primes that are tried until two of them give the same result
-_LONG = 2**20  # floats that stand for decimals such as 0.1 have larger denominators
-_WHOLE = 2**53  # all floats above this number are integers
-_ODD = 1000  # ratios of users, such as 8/3, have smaller denominators
 
 
 # Rational numbers.
@@ -65,12 +66,13 @@ def as_written(a: Any) -> Fraction:
     binary = Fraction(a)
     q = binary.denominator
     odd = q // (q & -q)  # the odd factor of q, which is 1 for a float
-    if 1 < odd < _ODD:  # a fraction of a float, as in the gradient of a Hamiltonian with a term / 3
+    # A fraction of a float, as in the gradient of a Hamiltonian with a term / 3.
+    if 1 < odd < MOST_DENOMINATOR_OF_RATIO:
         return as_written(binary * odd) / odd
-    if odd > 1 or (q < _LONG and abs(binary) < _WHOLE):
+    if odd > 1 or (q < LEAST_DENOMINATOR_OF_DECIMAL and abs(binary) < LEAST_WHOLE_FLOAT):
         return binary
     near, exact = (Fraction(f"{float(binary):.{digits}g}") for digits in (12, 15))
-    for written in (near, binary.limit_denominator(_ODD)) if q > 1 else ():
+    for written in (near, binary.limit_denominator(MOST_DENOMINATOR_OF_RATIO)) if q > 1 else ():
         if abs(written - binary) <= abs(binary) / 2**50:
             return written
     return exact if float(exact) == binary else binary
@@ -132,7 +134,7 @@ def agreed_by_primes(rng: random.Random, compute: Callable[[int, Values], Any]) 
     because a number that is not 0 may be 0 modulo p.
     """
     results: list[Any] = []
-    for _ in range(DRAWS):
+    for _ in range(MOST_PRIMES_DRAWN):
         with contextlib.suppress(ZeroDivisionError):
             p = random_prime(rng)
             results.append(compute(p, random_values(rng, p)))

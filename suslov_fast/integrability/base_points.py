@@ -18,10 +18,7 @@ import flint
 from . import polynomials
 from .polynomials import coefficients_in, coprime, degree_of, irreducible_factors, letters_of
 from .rational_functions import RationalFunction, factored
-
-_CHANGES = 20  # the most changes of coordinates that are tried
-_DEEPEST = 40  # the most points infinitely near to one point
-_MEMBERS = 6  # members of which tangents at a point are compared
+from .tolerances import MEMBERS_COMPARED, MOST_CHANGES_OF_COORDINATES, MOST_POINTS_NEAR_A_POINT
 
 
 class Points(NamedTuple):
@@ -41,7 +38,7 @@ def points_of(P: Any, Q: Any) -> list[Points]:
     rng = random.Random(0)
     ring = P.context()
     u, v = ring.gens()[-2:]
-    for _ in range(_CHANGES):
+    for _ in range(MOST_CHANGES_OF_COORDINATES):
         rows = [[rng.randrange(-9, 10) for _ in range(3)] for _ in range(3)]
         if flint.fmpz_mat(rows).det() == 0:
             continue
@@ -206,7 +203,7 @@ class NumberField:
         m = min(map(_order, (F, G)))
         if m < 2:
             return 0
-        if depth == _DEEPEST:
+        if depth == MOST_POINTS_NEAR_A_POINT:
             return None
         for shear in range(m + 1):  # then no common tangent is vertical
             if shear:
@@ -216,7 +213,7 @@ class NumberField:
             ]
             if parts[0][m] != 0 or parts[1][m] != 0:
                 break
-        double = min((self._double(parts, h) for h in range(1, _MEMBERS)), key=len)
+        double = min((self._double(parts, h) for h in range(1, MEMBERS_COMPARED)), key=len)
         total: int | None = m * (m - 1) // 2
         for slope in self._roots(double):
             if slope is None or any(not self._is_double(part, slope) for part in parts):

@@ -23,11 +23,12 @@ from . import arithmetic, polynomials, rational_functions
 from .arithmetic import EPS, Point, Values
 from .polynomials import coprime, degree_of, irreducible_factors, modulo, sort_key, value_at
 from .rational_functions import RationalFunction, factored, over_common_denominator, rational_roots
-
-TERMS = 100_000  # the most terms of a polynomial that is factored, which takes some 5 s
-TERMS_IN_LETTERS = 3_000  # the most terms of a polynomial in several letters that is factored
-LONGEST = 6.0  # the most seconds of a pullback, as estimated; longer ones are not computed
-FEW = 100  # monomials times degree of a map, above which the image of a line takes longer: `length`
+from .tolerances import (
+    FEW_MONOMIALS,
+    LONGEST_PULLBACK,
+    MOST_TERMS_FACTORED,
+    MOST_TERMS_FACTORED_IN_LETTERS,
+)
 
 
 class RationalMap(rational_functions.WithLetters):
@@ -273,7 +274,7 @@ class RationalMap(rational_functions.WithLetters):
     @cached_property
     def length(self) -> float:
         """The relative cost of the image of a line: 1 for a map of few monomials, else more."""
-        return max(1.0, self._monomials * self.degree / FEW)
+        return max(1.0, self._monomials * self.degree / FEW_MONOMIALS)
 
     def cost_of_pullback(self, P: Any, degree: int) -> float:
         """Return the estimated seconds for the pullback F_0^degree P(F / F_0) and its factors."""
@@ -291,7 +292,7 @@ class RationalMap(rational_functions.WithLetters):
 
     def _determinant(self) -> RationalFunction | None:
         """Return det DPhi in factors; None if the factors are too long."""
-        if self.cost_of_factors > LONGEST:
+        if self.cost_of_factors > LONGEST_PULLBACK:
             return None
         # The matrix with the rows (grad F_i, F_i) has the determinant F_0^(D + 1) det DPhi.
         places = range(len(self.letters), len(self.letters) + self.dimension)
@@ -301,7 +302,7 @@ class RationalMap(rational_functions.WithLetters):
 
     def _in_factors(self, P: Any) -> RationalFunction | None:
         """Return P in factors; None if it is too long after division by factors of the F_i."""
-        most = TERMS if len(self.letters) < 2 else TERMS_IN_LETTERS
+        most = MOST_TERMS_FACTORED if len(self.letters) < 2 else MOST_TERMS_FACTORED_IN_LETTERS
         known = [f for F in self.forms if len(F) <= most for f, _ in irreducible_factors(F)]
         powers = []
         for f in {str(f): f for f in known}.values():

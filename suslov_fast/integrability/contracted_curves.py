@@ -28,13 +28,22 @@ from .birational_maps import RationalMap
 from .pencils import count_factors
 from .polynomials import coefficients_in, cramer, determinant, irreducible_factors, primitive
 from .rational_functions import RationalFunction, as_function, factored, without_constant
+from .tolerances import (
+    BITS_OF_PRIMES,
+    LONGEST_PERIOD_OF_ORDERS,
+    LONGEST_TRANSIENT,
+    MOST_BITS_OF_PROOF,
+    MOST_LINES_TO_A_POINT,
+    MOST_MONOMIALS_OF_PROOF,
+    MOST_PRIMES_THAT_AGREE,
+    MOST_TERMS_OF_CURVES,
+    MOST_TERMS_OF_POINT,
+    POINTS_SHOWN,
+    STEPS_OF_REPEATED_ORDERS,
+)
 
 _PAIRS = (0, 1), (0, 2), (1, 2)  # pairs of coordinates
 _TERMS = 8, 32, 128, 512  # numbers of terms of power series in t, tried in this order
-_LINES = 20  # the most random lines on which a point of a curve is sought
-_TERMS_OF_CURVES = 40  # longer equations of conjugate curves with several letters are not followed
-_PRIMES = 80  # the most primes that are tried until two of them agree
-_BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger coefficients
 
 
 class Passage(NamedTuple):
@@ -74,7 +83,7 @@ class Plane:
     def is_long(self, number: int) -> bool:
         """Return True for conjugate curves with several letters whose points are not followed."""
         several = self.symbolic > 1 and self.degrees[number] > 1
-        return several and len(self.curves[number]) > _TERMS_OF_CURVES
+        return several and len(self.curves[number]) > MOST_TERMS_OF_CURVES
 
     def count(self, number: int) -> int:
         """Return the number of complex curves into which the contracted curve `number` splits."""
@@ -132,7 +141,7 @@ class PlaneModulo:
     def germ(self, component: Any) -> list[Any] | None:
         """Return a germ: three polynomials c + t v, c a random zero of `component`; or None."""
         p = self.p
-        for _ in range(_LINES):
+        for _ in range(MOST_LINES_TO_A_POINT):
             ends = [(self.rng.randrange(p), self.rng.randrange(p)) for _ in range(3)]
             on_line = polynomials.value_at(component, [flint.nmod_poly([*end], p) for end in ends])
             if on_line.degree() < 1:
@@ -227,8 +236,8 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     rng, numbers = plane.map.generator(), range(len(plane.curves))
     of_primes: list[list[Passage]] = [[] for _ in numbers]
     agreed: dict[int, Passage] = {}
-    for _ in range(_PRIMES):
-        p = arithmetic.random_prime(rng, _BITS)
+    for _ in range(MOST_PRIMES_THAT_AGREE):
+        p = arithmetic.random_prime(rng, BITS_OF_PRIMES)
         residues = PlaneModulo(plane, p, arithmetic.random_values(rng, p), rng.getrandbits(30))
         for number in numbers:
             if number in agreed or (component := residues.component(number)) is None:
@@ -242,24 +251,20 @@ def passages_across(plane: Plane, most: int) -> list[Passage] | None:
     return None
 
 
-_PERIODIC = 36  # steps in which orders of endless orbits must repeat,
-_TRANSIENT, _PERIOD = 8, 12  # after a transient, with a period up to these numbers
-
-
 def periodic_passage(plane: Plane, number: int) -> Passage | None:
     """Return the `Passage` of an endless orbit whose orders repeat modulo two primes; else None."""
     rng, found = plane.map.generator(number), list[list[Any]]()
-    for _ in range(_PRIMES):
-        p = arithmetic.random_prime(rng, _BITS)
+    for _ in range(MOST_PRIMES_THAT_AGREE):
+        p = arithmetic.random_prime(rng, BITS_OF_PRIMES)
         residues = PlaneModulo(plane, p, arithmetic.random_values(rng, p), rng.getrandbits(30))
         if (component := residues.component(number)) is not None:
-            found.append(orders := residues.orders(component, _PERIODIC))
-            if len(orders) == _PERIODIC and found.count(orders) > 1:
+            found.append(orders := residues.orders(component, STEPS_OF_REPEATED_ORDERS))
+            if len(orders) == STEPS_OF_REPEATED_ORDERS and found.count(orders) > 1:
                 break
     else:
         return None
-    for start in range(_TRANSIENT):
-        for period in range(1, _PERIOD + 1):
+    for start in range(LONGEST_TRANSIENT):
+        for period in range(1, LONGEST_PERIOD_OF_ORDERS + 1):
             if orders[start:-period] == orders[start + period :]:
                 numerators = [
                     [
@@ -274,8 +279,6 @@ def periodic_passage(plane: Plane, number: int) -> Passage | None:
 
 
 _TERMS_OF_PROOFS = 4, 8, 16, 32  # numbers of terms of power series in t, tried in this order
-_LONGEST = 20_000  # a proof gives up if a number in the coordinates of a point has more bits,
-_MONOMIALS = 2_000  # or if all coordinates of a point have more monomials together
 _NUMBERS = range(1, 9)  # numbers that are tried in place of s, the parameter of points
 
 
@@ -303,17 +306,14 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
     return False
 
 
-_FIRST = 3  # the number of points that are shown of an orbit that is not confined
-_LONG_POINT = 60  # the most terms in the coordinates of a point that is shown
-
-
 def points_of_orbit(
     plane: Plane, number: int, passage: Passage
 ) -> tuple[tuple[tuple[RationalFunction, ...], ...], RationalFunction | None]:
     """Return the points that curve `number` visits, and the polynomial of their root or None."""
     if plane.is_long(number):
         return (), None
-    germs, count = Germs(plane, number), _FIRST if passage.steps is None else passage.steps - 1
+    germs = Germs(plane, number)
+    count = POINTS_SHOWN if passage.steps is None else passage.steps - 1
     coordinates = [*islice(germs.points(passage, count), count)]
     return germs.for_users(coordinates)
 
@@ -436,7 +436,7 @@ class Germs:
             while any(image := self._values(self._plane.forms, x)):
                 x = without_common_factor(image)
                 x = x if self._modulus == self._r else self._simplest(x)
-                if sum(map(len, x)) > _LONG_POINT:
+                if sum(map(len, x)) > MOST_TERMS_OF_POINT:
                     return
                 yield x
             return
@@ -456,7 +456,7 @@ class Germs:
             x, y = (without_common_factor([P % self._t for P in germ]) for germ in germs)
             if len(orders) > 1 or any(x[i] * y[j] != x[j] * y[i] for i, j in _PAIRS):
                 return
-            if sum(map(len, x)) > _LONG_POINT:
+            if sum(map(len, x)) > MOST_TERMS_OF_POINT:
                 return
             yield x
 
@@ -561,4 +561,4 @@ def without_common_factor(x: Sequence[Any]) -> list[Any]:
 def _is_large(x: Sequence[Any]) -> bool:
     """Return True if coordinates x have too many terms, or too large numbers, to continue."""
     bits = max((int(abs(c)).bit_length() for P in x for c in P.coeffs()), default=0)
-    return bits > _LONGEST or sum(map(len, x)) > _MONOMIALS
+    return bits > MOST_BITS_OF_PROOF or sum(map(len, x)) > MOST_MONOMIALS_OF_PROOF

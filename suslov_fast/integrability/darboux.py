@@ -18,13 +18,14 @@ from ..checks import integer, kind_of, wrong
 from ..fields.base import Body
 from ..keywords import public
 from . import arithmetic, polynomials
-from .arithmetic import EPS, EXTRA, Residues, Values
-from .birational_maps import TERMS, RationalMap
+from .arithmetic import EPS, Residues, Values
+from .birational_maps import RationalMap
 from .exact_maps import checked_map
 from .interpolation import over_rationals
 from .invariants import Invariants
 from .polynomials import Polynomials, degree_of, exponents_up_to, modulo, monomial_values
 from .rational_functions import RationalFunction, factored, product_of, rational_roots
+from .tolerances import EXTRA_EQUATIONS, MOST_TERMS_FACTORED
 
 
 class Determinant(NamedTuple):
@@ -252,7 +253,7 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
     """Return random points modulo p, more than there are monomials up to a degree."""
     n, rng, at_eps = map.dimension, random.Random(p), map.at_eps(eps)
     exponents = exponents_up_to(degree, n)
-    x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
+    x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA_EQUATIONS)]
     monomials = [monomial_values(exponents, a) for a in x]
     return _Points(x, monomials, [monomial_values(exponents, at_eps.image(a)) for a in x])
 
@@ -260,7 +261,7 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: Values) -> _Point
 def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield products of powers of the map's factors that may be cofactors, up to a constant."""
     if (determinant := map.jacobian_cofactor) is None:
-        needed = f"a map with an inverse, and factors of at most {TERMS} terms"
+        needed = f"a map with an inverse, and factors of at most {MOST_TERMS_FACTORED} terms"
         raise ArithmeticError(f"the factors of det DPhi are not known: they need {needed}")
     # Factors of C are sought among those of the Jacobian determinant of F, whose zeros have images
     # of lower dimension. Zeros of other factors of a pullback P(F) are mapped to a hypersurface
@@ -292,7 +293,7 @@ def with_constants(
             return here.solve(there).minpoly()
 
         # Eigenvalues of Darboux polynomials are the same at all sets of points, others are not.
-        common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
+        common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA_EQUATIONS))
         return common.coeffs() if common.degree() else []
 
     yield from (c * candidate for c in rational_roots(map.generator(degree), search, map.ring))

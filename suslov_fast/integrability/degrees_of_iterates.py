@@ -19,10 +19,20 @@ import numpy as np
 from ..checks import integer, short, wrong
 from ..fields.base import Body
 from ..keywords import public
-from .arithmetic import DRAWS, Values, random_prime, random_values
+from .arithmetic import Values, random_prime, random_values
 from .birational_maps import RationalMap
 from .exact_maps import checked_map
 from .polynomials import random_line
+from .tolerances import (
+    HIGHEST_POWER_IN_THE_PLANE,
+    LAST_QUOTIENTS,
+    LEAST_EXPONENTIAL_QUOTIENT,
+    LONGEST_DEGREE,
+    MOST_PRIMES_DRAWN,
+    RATIO_OF_QUOTIENTS,
+    ROUNDING_OF_ROOT,
+    SPARE_DEGREES,
+)
 
 
 @public
@@ -61,7 +71,7 @@ def degrees(map: RationalMap | Body, n: int) -> list[int]:
     for degree in islice(agreed_degrees(map), n := integer("n", n, 0)):
         d.append(degree)
         expected_next = degree**2 / max(1, d[-2])
-        if len(d) <= n and expected_next * map.length > _LONG:
+        if len(d) <= n and expected_next * map.length > LONGEST_DEGREE:
             expected = f"at most {len(d) - 1} for this map; the last degree is {degree}"
             raise wrong("n", expected, n)
     return d[1:]
@@ -72,7 +82,7 @@ def agreed_degrees(map: RationalMap) -> Iterator[int]:
     rng = map.generator()
     runs: list[tuple[Iterator[int], list[int]]] = []  # a line, and the degrees on it so far
     for length in count(1):
-        for _ in range(DRAWS):
+        for _ in range(MOST_PRIMES_DRAWN):
             for run, sequence in runs:
                 sequence += islice(run, length - len(sequence))
             sequences = [sequence for _, sequence in runs if len(sequence) == length]
@@ -109,15 +119,6 @@ class Growth(NamedTuple):
     kind: str
     entropy: float
     based_on: str
-
-
-_LONG = 200_000  # expected degree of an iterate times `map.length`, above which it takes over 10 s
-_SPARE = 3  # the least number of degrees that confirm a recurrence, besides those that determine it
-_ROUNDING = 1e-9  # relative rounding error of the modulus of a root
-_LAST = 3  # number of last quotients d_(k+1) / d_k, which decide without a recurrence:
-_LEAST = 1.5  # growth is called exponential if all last quotients are above this,
-_RATIO = 1.1  # and if the largest of them is at most this times the least
-_HIGHEST_IN_THE_PLANE = 2  # degrees in the plane grow at most as this power of n, or exponentially
 
 
 @public
@@ -186,13 +187,13 @@ class Recurrence(NamedTuple):
 
 def shortest_recurrence(d: list[int], planar: bool) -> Recurrence | None:
     """Return the shortest recurrence of the degrees d of a (planar) map; None without any."""
-    for total in range(len(d) - _SPARE + 2):
+    for total in range(len(d) - SPARE_DEGREES + 2):
         for order in range(total + 1):
             transient = total - order
             # Without a transient, the recurrence may hold from the degree 1 of the identity on.
             sequences = ([1, *d], d) if transient == 0 else (d,)
             for terms in sequences:
-                recurrence = _recurrence(terms[transient:], order, max(_SPARE, transient))
+                recurrence = _recurrence(terms[transient:], order, max(SPARE_DEGREES, transient))
                 if recurrence and (growth := _growth_of(recurrence, planar)):
                     return Recurrence(recurrence, transient, terms is not d, *growth)
     return None
@@ -225,7 +226,7 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
 def moduli_outside(factor: Any) -> list[float]:
     """Return the moduli above 1 of the complex roots of `factor`, an irreducible polynomial."""
     roots = () if factor.is_cyclotomic() else factor.complex_roots()
-    return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + _ROUNDING]
+    return [modulus for root, _ in roots if (modulus := abs(complex(root))) > 1 + ROUNDING_OF_ROOT]
 
 
 def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
@@ -235,8 +236,12 @@ def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
     power = max((m - 1 for factor, m in factors if factor.is_cyclotomic()), default=0)
     outside = [(modulus, m) for factor, m in factors for modulus in moduli_outside(factor)]
     largest = max((modulus for modulus, _ in outside), default=1.0)
-    largest_is_simple = all(m == 1 for modulus, m in outside if modulus > largest * (1 - _ROUNDING))
-    fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)
+    largest_is_simple = all(
+        m == 1 for modulus, m in outside if modulus > largest * (1 - ROUNDING_OF_ROOT)
+    )
+    fits_the_plane = sum(m for _, m in outside) <= 1 and (
+        outside or power <= HIGHEST_POWER_IN_THE_PLANE
+    )
     if not largest_is_simple or (planar and not fits_the_plane):
         return None
     kinds = "bounded", "linear", "quadratic", "cubic"
@@ -259,11 +264,12 @@ def _text_of(recurrence: list[int], number: int, transient: int, from_identity: 
 
 def _by_quotients(d: list[int]) -> Growth:
     """Return the growth that the last quotients d_(k+1) / d_k of degrees d suggest."""
-    last, text = d[-_LAST - 1 :], f"{len(d)} degrees without a short recurrence"
-    if len(last) <= _LAST or min(last) == 0:
+    last, text = d[-LAST_QUOTIENTS - 1 :], f"{len(d)} degrees without a short recurrence"
+    if len(last) <= LAST_QUOTIENTS or min(last) == 0:
         return Growth("unclear", math.nan, text)
     quotients = [b / a for a, b in pairwise(last)]
     least, largest = min(quotients), max(quotients)
-    kind = "exponential" if least > _LEAST and largest <= _RATIO * least else "unclear"
+    grows = least > LEAST_EXPONENTIAL_QUOTIENT and largest <= RATIO_OF_QUOTIENTS * least
+    kind = "exponential" if grows else "unclear"
     text += f"; the last d(k+1) / d(k) are from {least:.4g} to {largest:.4g}"
     return Growth(kind, math.nan, text)

@@ -33,13 +33,15 @@ from .degrees_of_iterates import agreed_degrees, growth, moduli_outside, shortes
 from .exact_maps import checked_map
 from .polynomials import cramer
 from .rational_functions import IDENTITY, RationalFunction
+from .tolerances import (
+    DEGREES_PREDICTED,
+    HIGHEST_DEGREE_COMPARED,
+    MOST_STEPS_OF_CURVE,
+    TRIES_OF_SMALL_PRIME,
+)
 
-_STEPS = 80  # the most steps of the orbit of a contracted curve
-_DEGREES = 24  # number of degrees of iterates that are predicted
-_HIGHEST = 1_000  # the largest predicted degree that is compared with the degree on random lines
 _SMALL_PRIMES = (5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79)
 _AGAIN = "comes to points without an image again and again"
-_TRIES = 3  # number of points, and of values of letters, for each small prime
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
     plane = Plane(map)
-    passages = passages_across(plane, _STEPS)
+    passages = passages_across(plane, MOST_STEPS_OF_CURVE)
     if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
     contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
@@ -177,7 +179,7 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
     polynomial = flint.fmpz_poly([0] * transient + Q.coeffs()[::-1])
     minimal, root = _factor_with_largest_root(polynomial)
     d: list[int] = []
-    for k in range(_DEGREES + 1):
+    for k in range(DEGREES_PREDICTED + 1):
         d.append(int(P[k] - sum(Q[j] * d[k - j] for j in range(1, min(k, Q.degree()) + 1))))
     entropy = PlanarEntropy(
         contractions=contractions,
@@ -189,14 +191,20 @@ def planar_entropy(map: RationalMap | Body) -> PlanarEntropy:
         based_on="; ".join(str(curve) for curve in contractions) or "no contracted curve",
         pencil=None if root > 1 else degree_of_pencil(plane, passages, numerators, Q),
     )
-    low = takewhile(lambda degree: degree <= _HIGHEST, islice(agreed_degrees(map), _DEGREES))
+    low = takewhile(
+        lambda degree: degree <= HIGHEST_DEGREE_COMPARED,
+        islice(agreed_degrees(map), DEGREES_PREDICTED),
+    )
     why = "" if entropy.proved else entropy.contradiction([*low])
     return PlanarEntropy(reason=why) if why else entropy
 
 
 def _by_degrees(map: RationalMap, contractions: tuple[Contraction, ...]) -> PlanarEntropy:
     """Return the unproved entropy that follows from a recurrence of degrees on random lines."""
-    low = takewhile(lambda degree: degree <= _HIGHEST, islice(agreed_degrees(map), _DEGREES))
+    low = takewhile(
+        lambda degree: degree <= HIGHEST_DEGREE_COMPARED,
+        islice(agreed_degrees(map), DEGREES_PREDICTED),
+    )
     if (found := shortest_recurrence(d := [*low], planar=True)) is None:
         why = f"{_AGAIN}, and degrees have no short recurrence"
         return PlanarEntropy(contractions, reason=f"a contracted curve {why}")
@@ -241,7 +249,7 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
     elif reason := why_never(plane, number, passage):
         how = reason if exact else f"{reason}; orders modulo two primes, at random points"
     else:
-        exact, how = False, f"not confined within {_STEPS} steps"
+        exact, how = False, f"not confined within {MOST_STEPS_OF_CURVE} steps"
     return Contraction(plane.text(number), plane.count(number), length, exact, how, *points)
 
 
@@ -253,7 +261,7 @@ def why_never(plane: Plane, number: int, passage: Passage) -> str:
     """
     for p in _SMALL_PRIMES:
         rng = random.Random(p)
-        for _ in range(_TRIES):
+        for _ in range(TRIES_OF_SMALL_PRIME):
             values = [rng.randrange(1, p) for _ in range(max(1, plane.symbolic))]
             residues = PlaneModulo(plane, p, (*values,), rng.randrange(99))
             if _is_periodic_modulo(residues, number, passage):

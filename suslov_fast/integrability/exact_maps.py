@@ -26,6 +26,7 @@ from .interpolation import MOST
 from .kahan_maps import InLetters, KahanMap, exact_body
 from .polynomials import coprime, polynomial_ring, value_at
 from .rational_functions import RationalFunction, as_function, factored, over_common_denominator
+from .tolerances import POINTS_OF_INVERSE
 
 
 def _power(a: RationalFunction, exponent: RationalFunction) -> RationalFunction | None:
@@ -37,7 +38,6 @@ _RULES: dict[str, Any] = {
     "fadd": operator.add, "fsub": operator.sub, "fmul": operator.mul, "fdiv": operator.truediv,
     "pow": _power, "scale": lambda a, b: as_function(1),  # values of f do not depend on it
 }  # fmt: skip
-_POINTS = 3  # number of points at which an inverse is checked
 
 
 @public
@@ -353,7 +353,7 @@ def _places(operands: Sequence[Any]) -> set[int]:
 def has_inverse(map: RationalMap) -> bool:
     """Return True if `map.inverse` maps images of random points modulo a prime to these points."""
     rng, at_number = map.generator(), map.at_eps(EPS)
-    points = (random_point(map.dimension, map.prime, rng) for _ in range(_POINTS))
+    points = (random_point(map.dimension, map.prime, rng) for _ in range(POINTS_OF_INVERSE))
     try:
         return all(at_number.inverse.image(at_number.image(x)) == x for x in points)
     except ZeroDivisionError:

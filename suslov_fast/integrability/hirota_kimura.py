@@ -24,8 +24,7 @@ from .linear_relations import count_relations, integrals_of_relations, relations
 from .polynomials import Exponents, Polynomials, exponents_up_to, renamed, sort_key
 from .rational_functions import RationalFunction, over_common_denominator, quotient_of
 from .search import Search
-
-_MOST = 500  # largest number of monomials in relations along orbits
+from .tolerances import MOST_MONOMIALS_OF_RELATIONS
 
 
 @dataclass(frozen=True)
@@ -164,14 +163,21 @@ def hk_bases(
 def _exponents_of(monomials: Any, n: int) -> Exponents:
     """Return `monomials`, a degree or exponents in n variables, as a checked tuple of exponents."""
     if isinstance(monomials, int | np.integer):
-        return exponents_up_to(checked_degree("monomials", monomials, n, most=_MOST), n)
-    expected = f"a degree, or a list of at most {_MOST} different tuples of {n} exponents"
+        return exponents_up_to(
+            checked_degree("monomials", monomials, n, most=MOST_MONOMIALS_OF_RELATIONS), n
+        )
+    most = MOST_MONOMIALS_OF_RELATIONS
+    expected = f"a degree, or a list of at most {most} different tuples of {n} exponents"
     try:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
         raise wrong("monomials", expected, short(monomials), TypeError) from None
     are_different = len({*exponents}) == len(exponents)
-    if {*map(len, exponents)} != {n} or not are_different or len(exponents) > _MOST:
+    if (
+        {*map(len, exponents)} != {n}
+        or not are_different
+        or len(exponents) > MOST_MONOMIALS_OF_RELATIONS
+    ):
         raise wrong("monomials", expected, short(monomials))
     return exponents
 

@@ -24,17 +24,19 @@ import numpy as np
 
 from . import arithmetic
 from .arithmetic import Residues, Rows, Values, divided_out, fmpq, random_prime, random_values
+from .tolerances import (
+    LARGEST_DEGREE_IN_LETTERS,
+    LARGEST_DEGREE_IN_ONE_LETTER,
+    MOST_LINES_OF_INTERPOLATION,
+    MOST_PRIMES_OF_INTERPOLATION,
+    MOST_SEARCHES,
+)
 
 Search = Callable[[int, Values], Residues]  # called with a prime and numbers for letters
 Terms = dict[tuple[int, ...], Any]  # a polynomial in letters: {exponents: coefficient}
 
 _BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 MOST = len(_BASES)  # largest number of letters
-_DEGREES = 64  # the largest sum of the degrees of numerator and denominator in several letters
-_OF_ONE = 256  # the same in one letter
-_LINES = 1024  # the most lines s + z t in interpolation; T terms of a degree need 2 T + 1
-SEARCHES = 4096  # the most calls of a `Search` modulo one prime
-_PRIMES = 128  # the most primes: enough for numerators and denominators of 1000 decimal digits
 
 
 class Watch:
@@ -63,7 +65,7 @@ def over_rationals(rng: random.Random, search: Search, count: int = 0) -> Rows |
     """
     residues = defaultdict[Any, list[tuple[Any, int]]](list)  # (residues, p), by exponents
     candidate: Rows | None = None
-    for _ in range(_PRIMES):
+    for _ in range(MOST_PRIMES_OF_INTERPOLATION):
         with contextlib.suppress(ZeroDivisionError):
             p = random_prime(rng)
             values = random_values(rng, p)
@@ -98,7 +100,7 @@ def _rows_modulo(search: Search, matrix: Residues, count: int, p: int) -> Any:
 
     def entries(values: Sequence[int]) -> list[int]:
         watch.get().at_values(number := next(done))
-        if number == SEARCHES:
+        if number == MOST_SEARCHES:
             raise Unknown("there are too many terms")
         rows = search(p, tuple(values))
         if [*map(len, rows)] != lengths:  # the numbers are special; another prime may work
@@ -168,7 +170,7 @@ def _interpolated(
     size, t, numbers = 4, point(), range(1, 2**60)
     if count == 1:  # then s + z t is z, the letter itself
         s, t = [0], [1]
-    most = 2 * (_OF_ONE if count == 1 else _DEGREES)
+    most = 2 * (LARGEST_DEGREE_IN_ONE_LETTER if count == 1 else LARGEST_DEGREE_IN_LETTERS)
     z = rng.sample(numbers, most)
     known: list[list[int]] = [[] for _ in varying]  # values at the first numbers of z
     while True:
@@ -192,7 +194,7 @@ def _interpolated(
     line = Line(rng.sample(numbers, max(map(sum, sizes)) + 1), p)
     points: list[list[int]] = []
     while None in parts:
-        if len(points) > _LINES:
+        if len(points) > MOST_LINES_OF_INTERPOLATION:
             raise Unknown("there are too many terms")
         for i in range(len(points), 2 * len(points) or 4):
             points.append([pow(base, i, p) for base in _BASES[:count]])

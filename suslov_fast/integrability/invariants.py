@@ -28,12 +28,14 @@ from .birational_maps import RationalMap
 from .pencils import count_factors, reducible_members
 from .polynomials import coefficient_of, degree_of, has_constant_term, sort_key, without_content
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
-
-_TRIAL = 2**16  # larger prime factors of constants are not sought: any coprime factors would do
-_WEIGHT = 2**40  # weight of equations in a lattice: large, so that short vectors satisfy them
-_HIGHEST = 8  # the largest degree of functions for which limits for eps to 0 are computed
-_LETTERS = 6  # the most letters in a pencil whose reducible members are sought: more take long
-_PRODUCTS = 20_000  # the most products of generators; others are left out
+from .tolerances import (
+    HIGHEST_DEGREE_OF_LIMITS,
+    LARGEST_PRIME_FACTOR,
+    MOST_LETTERS_OF_PENCIL,
+    MOST_PRODUCTS,
+    POINTS_OF_SIGNS,
+    WEIGHT_OF_EQUATIONS,
+)
 
 
 class Product(NamedTuple):
@@ -123,7 +125,7 @@ class Invariants:
         for old_value, (degree, old_powers) in known:
             powers = old_powers + (0,) * (number - len(old_powers))
             value, power = old_value, 0
-            while degree + generator.degree <= self._degree_of_products and count < _PRODUCTS:
+            while degree + generator.degree <= self._degree_of_products and count < MOST_PRODUCTS:
                 degree, power = degree + generator.degree, power + 1
                 value = value * factor % self.p
                 self.products.setdefault(value, []).append(Product(degree, (*powers, power)))
@@ -285,7 +287,7 @@ def _f_or_reciprocal(f: RationalFunction) -> RationalFunction:
 
 def _with_varying_limit(f: RationalFunction) -> RationalFunction:
     """Return f, or a fractional linear function of f, with a limit for eps to 0 that varies."""
-    if not f.degree or not f.is_symbolic or f.degree > _HIGHEST:
+    if not f.degree or not f.is_symbolic or f.degree > HIGHEST_DEGREE_OF_LIMITS:
         return rational_functions.without_constant(f)
     numerator, denominator = (without_content(P) for P in f.as_quotient())
     denominator, numerator = polynomials.with_independent_limits([denominator, numerator])
@@ -308,7 +310,9 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
     vectors = []
     constants = [cofactor.constant for cofactor in cofactors]
     parts = (part for c in constants for part in (abs(c.numerator), c.denominator))
-    base = _coprime_factors(q for part in parts for q, _ in flint.fmpz(part).factor(_TRIAL))
+    base = _coprime_factors(
+        q for part in parts for q, _ in flint.fmpz(part).factor(LARGEST_PRIME_FACTOR)
+    )
     for cofactor, constant in zip(cofactors, constants, strict=True):
         vector = {str(f): e for f, e in cofactor.factors}
         vector["sign"] = int(constant < 0)
@@ -319,7 +323,8 @@ def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
     vectors.append({"sign": 2})  # signs count modulo 2
     names, n = dict.fromkeys(name for vector in vectors for name in vector), len(cofactors)
     rows = [
-        [int(i == j) for j in range(n)] + [_WEIGHT * vector.get(name, 0) for name in names]
+        [int(i == j) for j in range(n)]
+        + [WEIGHT_OF_EQUATIONS * vector.get(name, 0) for name in names]
         for i, vector in enumerate(vectors)
     ]
     reduced = arithmetic.integer_rows(flint.fmpz_mat(rows).lll())
@@ -363,9 +368,6 @@ class Cofactor:
         return replace(self, given={**self.given, **numbers})
 
 
-_SIGNS = 70  # random points at which `is_definite` compares the signs of a polynomial
-
-
 def normal_basis(
     space: Sequence[Any], preferred: Sequence[Any], reducible: list[tuple[list[Any], list[Any]]]
 ) -> list[Any]:
@@ -378,7 +380,7 @@ def normal_basis(
     echelon = in_echelon_form(space)
     basis = polynomials.with_independent_limits(echelon)
     candidates = {str(P): P for P in (*basis, *echelon)}
-    if polynomials.letters_in(basis[0]) <= (1 if preferred else _LETTERS):
+    if polynomials.letters_in(basis[0]) <= (1 if preferred else MOST_LETTERS_OF_PENCIL):
         with contextlib.suppress(ArithmeticError):  # an unlucky random number, or all are reducible
             members = [*reducible_members(echelon)]
             candidates |= {str(P): P for P in members}
@@ -410,7 +412,7 @@ def is_definite(P: Any) -> bool:
     """Return True if a polynomial has the same sign at all random points, near 0 and far away."""
     rng, signs = random.Random(0), set()
     symbolic, n = polynomials.letters_in(P), polynomials.variables_of(P)
-    for k in range(_SIGNS):
+    for k in range(POINTS_OF_SIGNS):
         size = 10 ** (k % 7)
         x = [rng.randrange(-size, size + 1) for _ in range(n)]
         value = P(*(rng.randrange(1, 9) for _ in range(symbolic)), *x)

@@ -21,11 +21,10 @@ from ..fields.field import Field
 from ..fields.terms import Terms, collected
 from . import rational_functions
 from .arithmetic import Values, as_written, moduli
-from .birational_maps import FEW, LONGEST, RationalMap, checked_names
+from .birational_maps import RationalMap, checked_names
 from .polynomials import coprime, cramer, degree_of, exponents_in_x, letters_in, primitive
 from .rational_functions import MODULAR, RationalFunction, factored, over_common_denominator
-
-_LARGEST = 10  # the most variables of a field for which a Hamiltonian is sought
+from .tolerances import FEW_MONOMIALS, LONGEST_PULLBACK, MOST_VARIABLES_OF_HAMILTONIAN
 
 
 class InLetters(NamedTuple):
@@ -197,7 +196,7 @@ class KahanMap(RationalMap):
         determinant = RationalFunction((), backward.constant) / factored(self.denominator)
         determinant /= factored(self.forms[-1]) ** backward.degree
         for f, e in backward.factors:
-            if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
+            if self.cost_of_pullback(f, degree_of(f)) > LONGEST_PULLBACK:
                 return None
             if (pullback := self._in_factors(self.pullback(f, degree_of(f)))) is None:
                 return None
@@ -207,12 +206,14 @@ class KahanMap(RationalMap):
     @cached_property
     def length(self) -> float:
         """The relative cost of the image of a line: elimination takes 2 D^3 / 3 products."""
-        return max(1.0, 2 * self.dimension**3 / 3 * self.degree / FEW)
+        return max(1.0, 2 * self.dimension**3 / 3 * self.degree / FEW_MONOMIALS)
 
     @property
     def cost_of_factors(self) -> float:
-        """An estimate of the seconds for `factors`, a pullback of det A; at most `LONGEST`."""
-        return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
+        """The estimated seconds for `factors`, a pullback of det A; at most `LONGEST_PULLBACK`."""
+        return min(
+            LONGEST_PULLBACK, self.cost_of_pullback(self.denominator, degree_of(self.denominator))
+        )
 
     @cached_property
     def hamiltonian(self) -> Any:
@@ -231,7 +232,7 @@ class KahanMap(RationalMap):
     def _integrated_hamiltonian(self) -> Any:
         """Return H with grad H = L f for a constant antisymmetric regular matrix L, or None."""
         D, x, zero = self.dimension, self.variables, 0 * self.variables[-1]
-        if D % 2 or D > _LARGEST:
+        if D % 2 or D > MOST_VARIABLES_OF_HAMILTONIAN:
             return None
         f, pairs = [zero] * D, [*combinations(range(D), 2)]
         for (i, j, k), v in self._rates[0]:

@@ -21,9 +21,9 @@ from .birational_maps import RationalMap, check_one_letter
 from .exact_maps import checked_map, has_inverse
 from .polynomials import coprime, degree_of, homogenized, letters_in, polynomial_ring
 from .rational_functions import RationalFunction, factored, independent, quotients_of
+from .tolerances import WIDTH_OF_LEVEL
 
 _OTHERS = 2, 1, 3, 5, 7, 4, 9  # coordinates in `generic_point`; one coordinate is a letter
-_WIDTH = 60  # the most characters of a polynomial in the text
 
 
 @dataclass(frozen=True, repr=False)
@@ -131,7 +131,7 @@ class _Equations:
         functions = [factored(P) / factored(Q) for P, Q in self.parts]
         self.names = map.names or labels(D)
         shown = (rational_functions.without_constant(f) for f in functions)
-        self.text = "; ".join(f.renamed(self.names, letter).text(_WIDTH) for f in shown)
+        self.text = "; ".join(f.renamed(self.names, letter).text(WIDTH_OF_LEVEL) for f in shown)
         if len(functions) != D - 2 or len(independent(functions, map.prime)) < D - 2:
             raise wrong("integrals", f"{D - 2} independent ones", self.text or "none")
         self.forward, self.backward = (

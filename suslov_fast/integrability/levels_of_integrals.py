@@ -13,15 +13,10 @@ from ..keywords import public
 from . import polynomials
 from .base_points import Points, function_of_root, points_of
 from .interpolation import Watch, watch
-from .pencils import (
-    HIGHEST,
-    AllReducible,
-    conjugate_members,
-    count_factors,
-    reducible_members,
-)
+from .pencils import AllReducible, conjugate_members, count_factors, reducible_members
 from .polynomials import coefficients_in, degree_of, irreducible_factors, letters_of, variables_of
 from .rational_functions import RationalFunction, factored, quotient_of, without_constant
+from .tolerances import HIGHEST_PENCIL
 
 _ROOTS = "r", "s", "t", "root"  # names of roots, of which the first unused one is taken
 _SHIFTS = 0, 1, -1, 2, -2, 3, -3, 5  # lines x = constant that are tried
@@ -153,8 +148,8 @@ def pencil(integral: RationalFunction) -> Pencil:
     if power > 1:
         root = tuple((P, e // power) for P, e in integral.factors)
         integral = RationalFunction(root, basis=integral.basis)
-    if not 2 <= (degree := integral.degree) <= HIGHEST:
-        raise wrong("integral", f"of degree 2 to {HIGHEST}", f"of degree {degree}")
+    if not 2 <= (degree := integral.degree) <= HIGHEST_PENCIL:
+        raise wrong("integral", f"of degree 2 to {HIGHEST_PENCIL}", f"of degree {degree}")
     space, token = integral.as_quotient(), watch.set(_Strict())
     try:
         found = [_member(P, equation, integral) for P, equation in conjugate_members(space)]
@@ -189,7 +184,7 @@ def quotient_of_lines(
     `known` are pencils with their reducible members.
     """
     space = integral.as_quotient()
-    if not 2 <= integral.degree <= HIGHEST or all(map(_is_product_of_lines, space)):
+    if not 2 <= integral.degree <= HIGHEST_PENCIL or all(map(_is_product_of_lines, space)):
         return None
     with contextlib.suppress(ArithmeticError):  # all levels are reducible, or formulas too long
         same = (members for pair, members in known if polynomials.rank([*space, *pair]) == 2)

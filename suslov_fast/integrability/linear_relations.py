@@ -24,13 +24,18 @@ from ..fields.exact_numbers import text_of
 from ..fields.names import labels
 from ..keywords import public
 from . import arithmetic, polynomials
-from .arithmetic import EPS, EXTRA, Residues, Values
+from .arithmetic import EPS, Residues, Values
 from .birational_maps import RationalMap
 from .interpolation import Line, over_rationals
 from .polynomials import Exponents, Polynomials, exponents_up_to, monomial_values, polynomials_with
 from .rational_functions import MODULAR, RationalFunction, quotient_of
-
-_ORBITS = 3  # random orbits; their relations together span the relations of every orbit
+from .tolerances import (
+    EXTRA_EQUATIONS,
+    MOST_QUOTIENTS,
+    MOST_TERMS_WRITTEN,
+    ORBITS_OF_RELATIONS,
+    ORDERS_OF_MONOMIALS,
+)
 
 
 def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:
@@ -42,7 +47,7 @@ def relations_along(
     map: RationalMap, exponents: Exponents, eps: Values, x: Sequence[Any]
 ) -> Residues:
     """Return a basis of the relations along the orbit of a point x modulo a prime, as rows."""
-    length = len(exponents) + EXTRA
+    length = len(exponents) + EXTRA_EQUATIONS
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
 
@@ -90,7 +95,7 @@ def count_relations(map: RationalMap, exponents: Exponents) -> Counted:
 
     def count_modulo(p: int, eps: Values) -> Counted:
         x = arithmetic.random_point(map.dimension, p, rng)
-        at_eps, length = map.at_eps(eps), len(exponents) + EXTRA
+        at_eps, length = map.at_eps(eps), len(exponents) + EXTRA_EQUATIONS
         *_, start = at_eps.orbit(x, first + 1)
         relations = relations_along(at_eps, exponents, eps, start)
         if not relations:
@@ -113,7 +118,9 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
         return ()
 
     def span(p: int, eps: Values) -> Residues:
-        points = [arithmetic.random_point(map.dimension, p, rng) for _ in range(_ORBITS)]
+        points = [
+            arithmetic.random_point(map.dimension, p, rng) for _ in range(ORBITS_OF_RELATIONS)
+        ]
         rows = [row for x in points for row in relations_along(map, exponents, eps, x)]
         basis = arithmetic.row_space(rows, p)
         return basis if len(basis) == dimension + 1 else []
@@ -122,10 +129,7 @@ def integrals_of_relations(map: RationalMap, exponents: Exponents) -> Polynomial
     return polynomials_with(rows or [], exponents, polynomials.letters_of(map.ring))
 
 
-_ORDERS = 200  # random orders of the monomials; each gives circuits, minimal dependent sets
-_QUOTIENTS = 4_000  # the most quotients c_i / c_j, in all circuits, of which degrees are computed
 _DEGREES = 5, 11, 23  # bounds of the degrees of quotients, tried in this order
-TERMS = 300  # the most terms of a formula that is written out
 
 
 @dataclass(frozen=True, repr=False)
@@ -218,7 +222,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
     relations = relations_along(map, monomials, EPS, arithmetic.random_point(map.dimension, p, rng))
     positions = range(len(monomials))
     supports = set()  # the positions of nonzero coefficients in rows
-    for _ in range(_ORDERS if relations else 0):
+    for _ in range(ORDERS_OF_MONOMIALS if relations else 0):
         order = rng.sample(positions, len(positions))
         rows = [[relation[k] for k in order] for relation in relations]
         for row in flint.nmod_mat(rows, p).rref()[0].tolist():
@@ -228,7 +232,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
     return [
         tuple(monomials[k] for k in support)
         for support, count in zip(shortest, quotients, strict=True)
-        if count <= _QUOTIENTS
+        if count <= MOST_QUOTIENTS
     ]
 
 
@@ -292,7 +296,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     def search(p: int, eps: Values) -> Residues:
         rng, at_number = random.Random(p), map.at_eps(eps)
         rows = []
-        for _ in range(len(exponents) + EXTRA):
+        for _ in range(len(exponents) + EXTRA_EQUATIONS):
             x = arithmetic.random_point(D, p, rng)
             quotient = integral.value(at_number, x)
             # An equation for coefficients: numerator - quotient * denominator = 0 at x.
@@ -307,7 +311,7 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     if not rows:
         return None
     (both,) = polynomials_with(rows, exponents, polynomials.letters_of(map.ring))
-    if len(both) > TERMS:
+    if len(both) > MOST_TERMS_WRITTEN:
         return None
     P, Q = polynomials.coefficients_in(both, -1)
     return quotient_of(P.project_to_context(map.ring), Q.project_to_context(map.ring), MODULAR)

@@ -18,8 +18,7 @@ from . import polynomials
 from .arithmetic import EPS, Values
 from .polynomials import coefficients_in, degree_of, exponents_up_to, modulo, prime_of, variables_of
 from .rational_functions import factors_in_t
-
-HIGHEST = 6  # the largest degree of a pencil of which reducible members are sought
+from .tolerances import HIGHEST_PENCIL
 
 
 def _equations(space: Sequence[Any], degree: int, p: int, rng: random.Random) -> Iterator[Any]:
@@ -70,7 +69,7 @@ def conjugate_members(space: Sequence[Any]) -> Iterator[tuple[Any, list[Any]]]:
     polynomials in letters. The equation of Q itself is [1, 0].
     """
     degree, n = max(degree_of(P) for P in space), variables_of(space[0])
-    if len(space) != 2 or not 2 <= degree <= HIGHEST or n < 2:
+    if len(space) != 2 or not 2 <= degree <= HIGHEST_PENCIL or n < 2:
         return
     rng = random.Random(0)
     # Two generic members of the pencil: each reducible one is then first + t second, with finite t.

@@ -30,13 +30,14 @@ from .entropy import PlanarEntropy, planar_entropy
 from .exact_maps import checked_map, with_values_of_letters
 from .polynomials import coefficients_in, irreducible_factors
 from .rational_functions import RationalFunction, factored, quotients_of, without_constant
-
-_BITS = 31  # bits of primes: python-flint 0.9 cannot sort factors with larger coefficients
-_CHECKS = 2  # random letters at which a candidate must hold
-_TRIES = 40  # random letters that are tried for a check
-_LARGE = 20_000  # the most monomials in the coordinates of a point
-_LARGE_NORMS = 300  # the most monomials of values with the root r of which norms are computed
-_LARGE_PAIR = 400  # the most monomials of polynomials of which resultants are computed
+from .tolerances import (
+    BITS_OF_PRIMES,
+    CHECKS_OF_CANDIDATE,
+    MOST_MONOMIALS_OF_NORMS,
+    MOST_MONOMIALS_OF_POINT,
+    MOST_MONOMIALS_OF_RESULTANTS,
+    TRIES_OF_CHECK,
+)
 
 
 class Condition(NamedTuple):
@@ -132,14 +133,16 @@ class _Orbit:
     def conditions(self, steps: int) -> Iterator[Condition]:
         """Yield the conditions under which point n = 1, 2, ..., `steps` has no image."""
         is_line, pairs = self._plane.degrees[self._number] == 1, self._plane.symbolic > 1
-        for n, values in enumerate(self._germs.values_along(steps, _LARGE), start=1):
+        for n, values in enumerate(
+            self._germs.values_along(steps, MOST_MONOMIALS_OF_POINT), start=1
+        ):
             if not any(values):
                 self._ended = True
                 return
             of_roots = (c for P in values for c in coefficients_in(P, -3))
             common = self._in_letters(reduce(lambda P, Q: P.gcd(Q), of_roots))
             norms: list[Any] = []
-            if is_line or sum(map(len, values)) <= _LARGE_NORMS:
+            if is_line or sum(map(len, values)) <= MOST_MONOMIALS_OF_NORMS:
                 norms = [self._in_letters(self._germs.norm(P)) for P in values]
                 common = reduce(lambda P, Q: P.gcd(Q), norms)
             for P, _ in irreducible_factors(common):
@@ -147,7 +150,7 @@ class _Orbit:
                     yield self._condition(n, [P])
             self._points = n
             others = [P // common for P in norms if P != 0]
-            pairs = pairs and 0 < sum(map(len, others)) <= _LARGE_PAIR
+            pairs = pairs and 0 < sum(map(len, others)) <= MOST_MONOMIALS_OF_RESULTANTS
             if pairs:
                 for several in self._two_equations(others, n):
                     yield self._condition(n, several)
@@ -205,15 +208,15 @@ class _Orbit:
     def _is_condition(self, several: Sequence[Any], place: int | None, n: int) -> bool:
         """Return True if the orbit ends after n points at random letters that satisfy `several`."""
         checks = 0
-        for _ in range(_TRIES):  # conjugate lines have no points modulo every second prime
-            p = arithmetic.random_prime(self._rng, _BITS)
+        for _ in range(TRIES_OF_CHECK):  # conjugate lines have no points modulo every second prime
+            p = arithmetic.random_prime(self._rng, BITS_OF_PRIMES)
             zero = self._random_zero(several, place, p)
             if zero is None:
                 continue
             if (ends := self._ends(p, zero, n)) is False:
                 return False
             self._zero = p, zero
-            if (checks := checks + bool(ends)) == _CHECKS:
+            if (checks := checks + bool(ends)) == CHECKS_OF_CANDIDATE:
                 return True
         return False
 

@@ -16,7 +16,7 @@ from .darboux import checked_degree
 from .degrees_of_iterates import Growth, growth
 from .entropy import PlanarEntropy
 from .exact_maps import checked_letters, exact_map
-from .interpolation import SEARCHES, Watch, watch
+from .interpolation import Watch, watch
 from .kahan_maps import KahanMap
 from .levels import Level
 from .linear_relations import ImplicitIntegral, count_relations
@@ -24,11 +24,9 @@ from .polynomials import exponents_up_to
 from .rational_functions import IDENTITY, MODULAR, RationalFunction
 from .search import Search
 from .symmetries import Reversor
+from .tolerances import MOST_SEARCHES, ROUNDING_OF_ENTROPY, SETS_OF_FIRST_LINE, WIDTH_OF_REPORT
 
-_WIDTH = 150  # characters; of a longer polynomial a report shows the degree and number of terms
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
-_ROUNDING = 1e-12  # two values of the entropy that differ by at most this are equal up to rounding
-_SHOWN = 64  # progress=True prints a line after 64, 128, 256, ... sets of values of the letters
 _NO_INVERSE = (
     "No inverse was given: it is not checked that the map is birational, so no entropy is proved, "
     "and densities belong to invariant measures only if the map is one to one."
@@ -73,7 +71,7 @@ class Report:
         by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
         if planar is None or planar.entropy is None or math.isnan(by_degrees.entropy):
             return by_degrees
-        if abs(planar.entropy - by_degrees.entropy) <= _ROUNDING:
+        if abs(planar.entropy - by_degrees.entropy) <= ROUNDING_OF_ENTROPY:
             return by_degrees
         based_on = f"{by_degrees.based_on}, by accident, as the contracted curves show"
         return Growth("unclear", math.nan, based_on)
@@ -150,7 +148,7 @@ class Report:
         if not isinstance(self.map, KahanMap):
             return f"Map of {variables}" + f", {self.map.letter} symbolic" * self.map.is_symbolic
         field, eps = str(self.map.field), self.map.eps
-        field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {variables}"
+        field = field if len(field) <= 2 * WIDTH_OF_REPORT else f"a quadratic field of {variables}"
         return f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
 
     def _lines_of_growth(self) -> list[str]:
@@ -203,7 +201,7 @@ def _listed(title: str, functions: Functions, most: int, none: str, total: int =
     """Return a line: `title`, up to `most` formulas of `total` functions, or the text `none`."""
     if not functions:
         return f"{title}: {none}"
-    formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
+    formulas = "; ".join(f.text(WIDTH_OF_REPORT) for f in functions[:most])
     more = f"; {len(functions) - most} more" if len(functions) > most else ""
     how = " and ".join(_PROOF[basis] for basis in sorted({f.basis for f in functions}))
     count = f"{len(functions)}" + f" of {total}" * (total > len(functions))
@@ -320,8 +318,10 @@ class _Watched(Watch):
             print(f"{perf_counter() - self._start:7.1f} s  {what}", file=sys.stderr)
 
     def at_values(self, done: int) -> None:
-        if done >= _SHOWN and done.bit_count() == 1:
-            self._print(f"{self._search.queue.task}: {done} of at most {SEARCHES} sets of numbers")
+        if done >= SETS_OF_FIRST_LINE and done.bit_count() == 1:
+            self._print(
+                f"{self._search.queue.task}: {done} of at most {MOST_SEARCHES} sets of numbers"
+            )
         self.call()
 
     def gave_up(self, reason: str) -> None:

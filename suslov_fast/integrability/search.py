@@ -14,7 +14,7 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from . import linear_relations, polynomials, rational_functions
-from .birational_maps import LONGEST, RationalMap
+from .birational_maps import RationalMap
 from .darboux import Determinant, candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
@@ -25,21 +25,22 @@ from .levels_of_integrals import quotient_of_lines
 from .linear_relations import ImplicitIntegral, count_relations, implicit_integrals, written_out
 from .polynomials import Polynomials, degree_of, exponents_up_to, sort_key, without_content
 from .rational_functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of
-from .symmetries import SIGNED, Reversor, reversors
+from .symmetries import Reversor, reversors
+from .tolerances import (
+    COST_OF_ITERATES,
+    COST_OF_KNOWN_GROWTH,
+    COST_OF_LATEST_DEGREE,
+    DEGREE_OF_CHEAP_ITERATES,
+    ENOUGH_ITERATES,
+    HIGHEST_MAP_OF_CURVES,
+    LONGEST_PROOF_BEFORE_FACTORS,
+    LONGEST_PULLBACK,
+    MOST_COEFFICIENTS_OF_OTHERS,
+    MOST_DIMENSIONS_OF_PERMUTATIONS,
+    MOST_ITERATES,
+    MOST_TERMS_WRITTEN,
+)
 
-# Polynomials above the `degree` of the report, or to shorten integrals that have no more than this
-# degree, are sought only if they have at most so many coefficients.
-_FEW = 80
-_ENOUGH = 10  # so many iterates are enough if their degrees satisfy a recurrence
-_MOST = 40  # the most iterates for which degrees are computed
-_CHEAP = 100  # while degrees are at most this, iterates beyond _ENOUGH follow: they are cheap
-_COSTLY = 3_000  # expected degree times `map.length`, above which known growth ends the iterates
-_TOO_COSTLY = 8_000  # iterates of a higher expected degree are not computed
-# If the latest degree times `map.length` is larger, no iterate follows; at this value the next one
-# takes 1 to 4 s (maps of `zoo`, AMD EPYC).
-_TOO_LONG = 6_000
-_SHORT = 1.0  # the most seconds, as estimated, of a proof that runs before det DPhi is factored
-_HIGHEST = 8  # degree of maps, up to which contracted curves are followed: for 18 it takes minutes
 # Kinds of tasks in the order in which they run; in one tuple, tasks of lower degree run first.
 _GROUPS = (
     ("Hamiltonian",), ("relations",), ("usual cofactors", "few monomials", "quotients"),
@@ -192,7 +193,7 @@ class Search:
 
     def _is_wanted(self, degree: int) -> bool:
         """Return True if polynomials of this degree may add integrals, or replace longer ones."""
-        is_small = self.unknowns(degree) <= _FEW
+        is_small = self.unknowns(degree) <= MOST_COEFFICIENTS_OF_OTHERS
         if degree > self.degree:  # up to twice: P times its conjugate, if P is not rational
             return is_small and len(self.known.integrals) < (self.relations or 0)
         if not self.is_complete:
@@ -216,7 +217,7 @@ class Search:
                 yield Task(self._find_planar_entropy, "planar entropy")
             if map.dimension > 2 and map.is_birational and not map.is_symbolic:
                 yield Task(self._find_entropy_on_level, "levels")
-            if isinstance(map, KahanMap) and map.dimension <= SIGNED:
+            if isinstance(map, KahanMap) and map.dimension <= MOST_DIMENSIONS_OF_PERMUTATIONS:
                 yield Task(self._find_symmetries, "symmetries")
             if map.dimension == 2 and len(map.letters) < 2:
                 yield Task(self._find_quotients_of_lines, "lines")
@@ -250,14 +251,16 @@ class Search:
     @property
     def _next_degree_is_too_long(self) -> bool:
         """True if the next degree would take long."""
-        is_long = self.degrees[-1] * self.map.length > _TOO_LONG
-        return is_long or self._expected_degree > _TOO_COSTLY
+        is_long = self.degrees[-1] * self.map.length > COST_OF_LATEST_DEGREE
+        return is_long or self._expected_degree > COST_OF_ITERATES
 
     def _has_enough_degrees(self) -> bool:
-        if self._next_degree_is_too_long or len(self.degrees) == _MOST:
+        if self._next_degree_is_too_long or len(self.degrees) == MOST_ITERATES:
             return True
-        may_end = len(self.degrees) >= _ENOUGH and self.degrees[-1] > _CHEAP
-        may_end = may_end or self._expected_degree * self.map.length > _COSTLY
+        may_end = (
+            len(self.degrees) >= ENOUGH_ITERATES and self.degrees[-1] > DEGREE_OF_CHEAP_ITERATES
+        )
+        may_end = may_end or self._expected_degree * self.map.length > COST_OF_KNOWN_GROWTH
         by_degrees = growth(self.degrees, planar=self.map.is_planar)
         return may_end and not math.isnan(by_degrees.entropy)
 
@@ -265,18 +268,22 @@ class Search:
         """Follow the contracted curves, unless that takes long and a proved integral suffices."""
         is_proved = any(f.basis == IDENTITY for f in self.known.integrals)
         has_letters, degree = len(self.map.letters) > 1, self.map.degree
-        if is_proved and (has_letters or self.map.length > 1 or degree > _HIGHEST):
+        if is_proved and (has_letters or self.map.length > 1 or degree > HIGHEST_MAP_OF_CURVES):
             self.planar = PlanarEntropy(reason="not followed: a proved integral gives the entropy")
-        elif degree > _HIGHEST:
+        elif degree > HIGHEST_MAP_OF_CURVES:
             self.planar = PlanarEntropy(reason=f"not followed: a map of degree {degree} takes long")
-        elif has_letters and self.map.cost_of_factors > LONGEST:
+        elif has_letters and self.map.cost_of_factors > LONGEST_PULLBACK:
             self.planar = PlanarEntropy(reason="not followed: a map with such letters takes long")
         else:
             self.planar = planar_entropy(self.map)
         if text := self.planar.contradiction(self.degrees):
             raise ArithmeticError(f"{self.map}: {text}: this is an error of the package")
         degree = self.planar.pencil or 0
-        if self.degree < degree and self.unknowns(degree) <= _FEW and not self.known.integrals:
+        if (
+            self.degree < degree
+            and self.unknowns(degree) <= MOST_COEFFICIENTS_OF_OTHERS
+            and not self.known.integrals
+        ):
             yield Task(partial(self._find_quotients_of_relations, degree), "pencil", degree)
 
     def _find_entropy_on_level(self) -> Tasks:
@@ -338,7 +345,7 @@ class Search:
         self._known = None
         # Tasks "formulas" run late: Darboux polynomials, found first, often give simpler integrals.
         for integral in self._of_relations:
-            if self.unknowns(integral.degree) <= linear_relations.TERMS:
+            if self.unknowns(integral.degree) <= MOST_TERMS_WRITTEN:
                 yield Task(partial(self._write_out, integral), "formulas", integral.degree)
 
     def _write_out(self, integral: ImplicitIntegral) -> Tasks:
@@ -361,7 +368,7 @@ class Search:
         for space in spaces:
             yield from self._add_space(space)
         for k in range(1, 2 * self.degree + 1):
-            if k <= self.degree or self.unknowns(k) <= _FEW:
+            if k <= self.degree or self.unknowns(k) <= MOST_COEFFICIENTS_OF_OTHERS:
                 yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
     def _next_candidate(self, candidates: Iterator[RationalFunction], k: int) -> Task:
@@ -426,7 +433,7 @@ class Search:
         self._known = None
         if not self.invariants.has_factors:
             self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
-            return self._proof_of_quotients(space, "early proofs", _SHORT)
+            return self._proof_of_quotients(space, "early proofs", LONGEST_PROOF_BEFORE_FACTORS)
         tasks: list[Task] = []
         # Factors that have a cofactor are Darboux polynomials themselves.
         for f in (f for P in space for f, _ in polynomials.irreducible_factors(P) if degree_of(f)):
@@ -478,7 +485,7 @@ class Search:
         cost = map.cost_of_pullback(P, g.degree)
 
         def run() -> Tasks:
-            if cost <= LONGEST and g in self.invariants.generators:
+            if cost <= LONGEST_PULLBACK and g in self.invariants.generators:
                 scale = g.cofactor * factored(map.forms[-1]) ** g.degree
                 numerator, denominator = scale.as_quotient(map.ring)
                 if map.pullback(P, g.degree) * denominator != P * numerator:
@@ -491,7 +498,7 @@ class Search:
         return Task(run, "proofs")
 
     def _proof_of_quotients(
-        self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST
+        self, space: Polynomials, kind: str = "proofs", longest: float = LONGEST_PULLBACK
     ) -> Tasks:
         """Yield the task that proves that quotients of `space` are integrals, in `longest` s."""
         cost = self.map.cost_of_pullbacks(space)

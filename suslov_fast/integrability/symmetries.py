@@ -30,11 +30,9 @@ from . import arithmetic
 from .arithmetic import EPS, Point, simplest_fraction
 from .kahan_maps import KahanMap
 from .polynomials import exponents_up_to, ring_modulo
+from .tolerances import LARGEST_ENTRY_OF_SYMMETRY, MOST_DIMENSIONS_OF_SHIFT
 
 DEGREES = {1: 5, 2: 5, 3: 4}  # by dimension: the largest degree of an equation times a monomial
-_AFFINE = 2  # the largest dimension in which b of S x + b is sought; in three dimensions b = 0
-SIGNED = 6  # the largest dimension in which signed permutations are tried
-_LARGEST = 10**6  # all numerators and denominators of entries of S and b must be smaller
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ def reversors(map: KahanMap) -> tuple[list[Reversor], str]:
             if not any(_identities(terms, rows, [0] * D, x)):
                 found.append([*chain(*rows)])
     if D in DEGREES:
-        unknowns = ring_modulo(p, D * D + D * (D <= _AFFINE))
+        unknowns = ring_modulo(p, D * D + D * (D <= MOST_DIMENSIONS_OF_SHIFT))
         equations, diagonal = _equations(D, terms, unknowns), unknowns.gens()[: D * D : D + 1]
         for trace in range(-D, D, 2):  # the trace D belongs to S = 1, which reverses no map
             every = [*equations, sum(diagonal) - trace]
@@ -90,7 +88,7 @@ def reversors(map: KahanMap) -> tuple[list[Reversor], str]:
     for solution in found:
         values = [*solution, *[0] * D][: D * D + D]  # b = 0 if it is not among the unknowns
         entries = [simplest_fraction(int(a) % p, p) for a in values]
-        if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
+        if all(max(abs(a.numerator), a.denominator) < LARGEST_ENTRY_OF_SYMMETRY for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
             reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
             if reversor not in symmetries and reverses(reversor, map):
@@ -99,7 +97,8 @@ def reversors(map: KahanMap) -> tuple[list[Reversor], str]:
     names = map.field._layout.components
     sought = "signed permutations"
     if D in DEGREES:
-        sought += f", and {'affine' if D <= _AFFINE else 'linear'} ones with rational entries"
+        kind = "affine" if D <= MOST_DIMENSIONS_OF_SHIFT else "linear"
+        sought += f", and {kind} ones with rational entries"
         sought += "; not others, " * bool(left_out) + " or ".join(sorted(left_out))
     return [replace(reversor, names=names) for reversor in ordered], sought
 

@@ -296,7 +296,7 @@ def test_a_report_with_letters_ends_when_progress_says_so():
 
 
 def test_progress_tells_degrees_and_a_report_what_it_leaves_out(monkeypatch, capsys):
-    monkeypatch.setattr(interpolation, "SEARCHES", 70)
+    monkeypatch.setattr(interpolation, "MOST_SEARCHES", 70)
     found = report(Suslov3D(4, 1, -0.5, -0.25), letters=BODY, degree=2, progress=True)
     assert "64 of at most 4096" in capsys.readouterr().err
     assert (found.integrals, found.independent) == ((), 1)

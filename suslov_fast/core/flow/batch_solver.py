@@ -27,6 +27,8 @@ from .tolerances import (
     LEAST_RTOL,
     LONGEST_PART,
     MOST_TRIES,
+    ROUNDS_OF_WIDE,
+    SPENT_BEFORE_WIDE,
     TRAJECTORIES_OF_THREAD,
     WIDTH,
     WORK_WITHOUT_PAUSE,
@@ -120,6 +122,15 @@ def set_times(numbers, integrator, settings, times):
     numbers[NUMBER.longest] = longest = settings.max_step or inf
     if integrator.is_bounded:
         numbers[NUMBER.longest] = min(longest, LONGEST_PART * last)
+
+
+def width_of(integrator, B):
+    """Return how many lanes the code has with which a thread computes B trajectories."""
+    if B == 1:
+        return 1
+    if integrator.spent < SPENT_BEFORE_WIDE:
+        return WIDTH
+    return next((W for W in integrator.wide if ROUNDS_OF_WIDE * W <= B), WIDTH)
 
 
 def code_of(integrator, W, for_each):
@@ -297,13 +308,15 @@ class BatchSolver:
         """Take all steps of slice `block` (rows `flat` if given) until `abandoned` has an entry."""
         rows, B, mode = self.rows, block.stop - block.start, int(bool(self.request.settings.stiff))
         flat = self._rows(block) if flat is None else flat
-        numbers, W = np.arange(block.start, block.stop), 1 if B == 1 else WIDTH
+        numbers = np.arange(block.start, block.stop)
         state = flat[:, rows.state].copy()  # because NumPy reads columns slowly
         while not abandoned and np.count_nonzero(state < LaneState.DONE):
             (which,) = np.nonzero((state == mode) | (state == BEGINS))
             if which.size:
                 own = flat if which.size == B else flat[which]
-                self._steps(self.integrator(mode), own, numbers[which], W, abandoned)
+                integrator = self.integrator(mode)
+                W = width_of(integrator, B)
+                self._steps(integrator, own, numbers[which], W, abandoned)
                 if own is not flat:
                     flat[which] = own
             state = flat[:, rows.state].copy()
@@ -404,6 +417,8 @@ class StepRunner:
         arguments = self.arguments
         arguments[SLOT.budget] = self.budget
         is_done = self.call(self.at)
+        if self.W > 1:
+            self.integrator.spent += 1.0 - arguments[SLOT.budget] / self.budget
         if is_done:  # the next call begins with the first trajectory
             arguments[SLOT.following] = 0
         if count := arguments[SLOT.recorded]:

@@ -7,9 +7,11 @@ from ..cached import cached_property
 from ..expressions.programs import program_of
 from ..hybrid.double_crossings import POINTS, DoubleCrossings
 from ..hybrid.event_formulas import read_by
+from ..llvm.compiler import numbers_in_register
 from . import vector_functions
 from .code_arguments import ComponentNumbers, SharedNumbers
 from .memory import LaneState, rows_of_trajectory, rows_of_work, scalars_of
+from .tolerances import MOST_ROWS_OF_WIDE, WIDTH
 from .vector_functions import ProgramFunction
 
 
@@ -35,6 +37,7 @@ class Integrator:
                  the names of parts with one row
     is_bounded   True if steps are at most a part of the whole time, because f has clocks or may
                  jump
+    spent        budgets of steps that batches have spent, see `batch_solver.width_of`
     codes        {(W, for_each): address of the machine code}, see `batch_solver.code_of`
     """
 
@@ -45,7 +48,7 @@ class Integrator:
         if Integrator.on_new:
             Integrator.on_new(f.of_x, rule.mode == LaneState.IMPLICIT)
         self.f, self.rule, self.has_atol, self.codes = f, rule, has_atol, {}
-        self.is_relative = is_relative
+        self.is_relative, self.spent = is_relative, 0.0
         self.parts = [(0, f.of_x.D)] + [(f.of_x.D, f.D - f.of_x.D)] * (f.columns > 0)
         self.D_of_surfaces = f.of_x.D if f.hybrid.ends_steps else 0
         self.searches = int(f.hybrid.ends_steps or f.hybrid.chooses)
@@ -141,6 +144,17 @@ class Integrator:
             first, places = first + f.D, {p + f.D: k for p, k in places.items()}
             self.functions["regular"] = ProgramFunction(f.regular, first, places)
         self.functions["invariants"] = ProgramFunction(f.levels, f.D, f.places)
+
+    @cached_property
+    def wide(self):
+        """Numbers of lanes, above WIDTH, that code for many trajectories may have; most first."""
+        f = self.f
+        acts_on_lanes, is_dense = f.hybrid.acts or f.hybrid.chooses, f.products or f.is_dense
+        if acts_on_lanes or is_dense or self.work.size > MOST_ROWS_OF_WIDE:
+            return ()
+        if numbers_in_register() < WIDTH:
+            return ()
+        return (4 * WIDTH, 2 * WIDTH) if self.functions["f"].calls else (2 * WIDTH,)
 
     @cached_property
     def key(self):

@@ -43,7 +43,7 @@ class _PreparedRunner(batch_solver.StepRunner):
         first = both.copy()  # the content with which each call begins
         self.first_table = first[count:].reshape(shape)
         self.now, self.first = both.data, first.data  # Python copies `data` faster than NumPy does
-        W = 1 if B == 1 else batch_solver.WIDTH
+        W = batch_solver.width_of(integrator, B)
         numbers = batch_solver.numbers_of(f, settings, sign)[:]
         components = batch_solver.components_of(f, settings)
         super().__init__(integrator, W, rows, table, numbers, components)
@@ -52,6 +52,9 @@ class _PreparedRunner(batch_solver.StepRunner):
         """Begin a call: set states x0 (B, D), the table of f, and what a `SolverRequest` asks."""
         if self.integrator is not self.begins_with:
             self.use(self.begins_with)
+        if self.W > 1 and (W := batch_solver.width_of(self.integrator, len(self.x))) > self.W:
+            self.W, self.known = W, {}
+            self.use(self.integrator)
         if (source := table.tobytes()) != self.source:
             self.first_table[:], self.source = table, source
         if (moduli := request.times.tobytes()) != self.moduli:

@@ -46,13 +46,21 @@ class Constraints:
 
     def tested(self, x: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the results (3, ...) of `test_of_start` at states x (..., D)."""
-        if x.ndim == parameters.ndim == 1:
+        shape, found = np.broadcast_shapes(x.shape[:-1], parameters.shape[1:]), None
+        rows = np.moveaxis(x, -1, 0)
+        if shape:
+
+            def of_all(a: FloatArray) -> FloatArray:
+                axes = (1,) * (len(shape) + 1 - a.ndim)
+                whole = np.broadcast_to(a.reshape(len(a), *axes, *a.shape[1:]), (len(a), *shape))
+                return whole.reshape(len(a), math.prod(shape))
+
+            found = by_code_if_often(self._test, "start", of_all(rows), of_all(parameters))
+        else:
             found = by_code_if_often(self._test, "start", x, parameters)
-            if found is not None:
-                return found
-        shape = np.broadcast_shapes(x.shape[:-1], parameters.shape[1:])
-        given = dict(enumerate([*np.moveaxis(x, -1, 0), *parameters]))
-        return results_at(self._test.start, given, shape)
+        if found is not None:
+            return found.reshape(-1, *shape)
+        return results_at(self._test.start, dict(enumerate([*rows, *parameters])), shape)
 
     def rows(self, moving: Any) -> list[int]:
         """Return the numbers of residuals that depend on the components `moving` (n numbers)."""

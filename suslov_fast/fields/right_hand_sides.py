@@ -24,6 +24,7 @@ from .names import labels
 from .proofs import unproved
 from .terms import Terms, by_zeros
 from .tolerances import (
+    BATCHES_BEFORE_COMPILING,
     CALLS_BEFORE_COMPILING,
     MOST_LISTS_OF_EVENTS,
     MOST_OPERATIONS_COMPILED,
@@ -138,19 +139,20 @@ def _table_of_one(f: RightHandSide, given: FloatArray) -> FloatArray:
 
 
 def by_code_if_often(f: Any, name: str, *given: FloatArray) -> FloatArray | None:
-    """Return the results of a program of f at one state by machine code; None in first calls."""
-    calls = vars(f).setdefault("calls", {})  # by name: the number of calls, later `by_code`
-    if isinstance(function := calls.get(name, 0), int):
-        calls[name] = function + 1
+    """Return the results of a program of f by machine code, see `by_code`; None in first calls."""
+    calls = vars(f).setdefault("calls", {})  # by name, of one state or not: number, later `by_code`
+    key = name, given[0].ndim == 1
+    if isinstance(function := calls.get(key, 0), int):
+        calls[key] = function + 1
         if (
-            function < CALLS_BEFORE_COMPILING
+            function < (CALLS_BEFORE_COMPILING if key[1] else BATCHES_BEFORE_COMPILING)
             or f.is_dense
             or (name != "table" and f.cost > MOST_OPERATIONS_COMPILED)
         ):
             return None
         from ..core.flow.program_code import by_code  # here, because importing Numba takes time
 
-        calls[name] = function = by_code
+        calls[key] = function = by_code
     return function(f, name, *given)
 
 

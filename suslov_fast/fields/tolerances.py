@@ -63,8 +63,9 @@ MOST_ENTRIES = 100  # longer lists hold data
 # --------------------------------------------------------------------------------- right_hand_sides
 MOST_LISTS_OF_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
 # A program of up to MOST_OPERATIONS_COMPILED operations is compiled after CALLS_BEFORE_COMPILING
-# calls in NumPy, because compiling it takes no longer than these calls took.
-CALLS_BEFORE_COMPILING, MOST_OPERATIONS_COMPILED = 500, 3000
+# calls in NumPy, or BATCHES_BEFORE_COMPILING with batches, because compiling it takes no longer than
+# these calls took.
+CALLS_BEFORE_COMPILING, BATCHES_BEFORE_COMPILING, MOST_OPERATIONS_COMPILED = 500, 50, 3000
 # Number of terms above which loops, not a list, compute f if few coefficients are 0.
 TERMS_OF_FULL_FIELD = 4000
 

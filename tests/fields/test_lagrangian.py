@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.special import ellipk
 
 from suslov_fast import Field, IntegrationWarning, Suslov3D, flow
+from suslov_fast.fields.constraints import constraints_of
 from suslov_fast.fields.lagrangian import velocity
 from suslov_fast.fields.proofs import changes_of
 
@@ -476,6 +477,23 @@ def test_constraints_turn_at_any_tolerance(rtol):
 def test_starts_near_constraints_are_moved_there():
     x = flow(pendulum(), [1 + 1e-8, 0, 0, 1.0], time=[1.0, 2.0], rtol=1e-12)
     assert_allclose(x.residuals(), 0, atol=1e-13)
+
+
+@pytest.mark.parametrize("length", [1.0, [1.0, 2.0, 3.0]])
+def test_machine_code_tests_the_starts_of_batches(length):
+    field = Field.from_lagrangian(
+        lambda q, v: v @ v / 2, "x y", constraints=lambda q, v, R: q @ q - R * R, R=length
+    )
+    x = np.array(length)[..., np.newaxis] * np.array([[cos(1.0), sin(1.0), 0, 0]] * 21)[:, None]
+    x = x[:, 0] if np.ndim(length) == 0 else x
+    x[4] *= 1.01
+    constraints = constraints_of(field)
+    first = constraints.tested(x, field._inputs)
+    for _ in range(60):
+        found = constraints.tested(x, field._inputs)
+    assert callable(constraints._test.calls["start", False])
+    np.testing.assert_array_equal(found, first)
+    assert (found[0] == (np.arange(21) != 4).reshape(-1, *[1] * (x.ndim - 2))).all()
 
 
 def test_bead_on_a_rotating_wire():

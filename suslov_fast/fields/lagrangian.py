@@ -13,6 +13,7 @@ c = -phi_q q' - phi_t. The multipliers lambda are eliminated as formulas.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from ..core.expressions.programs import program_of
 from .mass import Samples, is_zero, less, product_of, solved, sum_of
 from .names import variables, with_time
 from .symbols import Symbol, Symbols
-from .tolerances import LEAST_EIGENVALUE_OF_MASS, SAMPLES_OF_MASS
+from .tolerances import ENTRIES_OF_ROW, LEAST_EIGENVALUE_OF_MASS, SAMPLES_OF_MASS
 from .tracer import Tracer
 from .trigonometry import shorter
 from .user_function import UserFunction
@@ -202,21 +203,40 @@ def _constraints(traced: _Functions) -> tuple[Any, Any, list[int]]:
 
 def _elimination(traced: _Functions, M: Any, A: Any, parameters: Mapping[str, Any]) -> Any:
     """Return the elimination of multipliers from M u' - A^T lambda = b, A u' = c."""
-    numbers = [(k, j) for k, j in np.ndindex(A.shape) if isinstance(A[k, j], float) and A[k, j]]
-    if not numbers:
+    pivots = [
+        (r, (j,), A[r, j]) for r, j in np.ndindex(A.shape) if isinstance(A[r, j], float) and A[r, j]
+    ]
+    pivots = pivots or _unit_vectors(traced, A)
+    if not pivots:
         return _Simultaneous(traced.tracer, M, A, parameters)
 
-    def order(place: tuple[int, int]) -> Any:
-        return sum(not is_zero(a) for a in M[place[1]]), -abs(A[place]), place
+    def order(pivot: Any) -> Any:
+        r, places, size = pivot
+        return sum(not is_zero(a) for j in places for a in M[j]), -abs(size), (r, places)
 
-    return _Substituted(traced, M, A, min(numbers, key=order), parameters)
+    return _Substituted(traced, M, A, min(pivots, key=order), parameters)
+
+
+def _unit_vectors(traced: _Functions, A: Any) -> list[Any]:
+    """Return all (r, (i, j), a) such that A_ri**2 + A_rj**2 is a number a, as for sin and cos."""
+    found = []
+    for r, row in enumerate(A):
+        places = [j for j, a in enumerate(row) if not is_zero(a)]
+        for i, j in combinations(places, 2) if len(places) <= ENTRIES_OF_ROW else ():
+            square = _dot(row[[i, j]], row[[i, j]])
+            [a] = traced.shorter(_filled([square]), at_rest=True)
+            if isinstance(a, float) and a:
+                found.append((r, (i, j), a))
+    return found
 
 
 class _Substituted:
-    """An elimination that begins with the constraint r, in which u_j' has a number as a factor.
+    """An elimination that begins with a constraint A_r u' = c_r, as A_r d is a number s.
 
-    The constraint gives u' = N w + o with all other components w of u', and o = 0 except for o_j.
-    So N^T M N w - (A N)^T lambda = N^T (b - M o) without lambda_r, which row j of M u' gives later.
+    d is the unit vector of one component, or it has two components of A_r as entries, see
+    `_unit_vectors`. Vectors with A_r u' = 0 are the combinations N w of columns of N, so u' = N w +
+    d c_r / s, and N^T M N w - (A N)^T lambda = N^T (b - M d c_r / s) without lambda_r. The part of
+    M u' along d gives lambda_r later.
     """
 
     def __init__(
@@ -224,14 +244,28 @@ class _Substituted:
         traced: _Functions,
         M: Any,
         A: Any,
-        place: tuple[int, int],
+        pivot: tuple[int, tuple[int, ...], float],
         parameters: Mapping[str, Any],
     ) -> None:
-        self.traced, self.M, self.A = traced, M, A
-        self.r, self.j = r, j = place
-        N = np.eye(len(M)).astype(object)
-        N[j] = [0.0 if k == j else product_of(-1.0 / A[r, j], a) for k, a in enumerate(A[r])]
-        self.N, self.others = np.delete(N, j, axis=1), np.delete(A, r, axis=0)
+        self.traced = traced
+        r, places, size = pivot
+        self.r, self.inverse, self.d = r, 1.0 / size, np.zeros(len(M), object) + 0.0
+        self.d[list(places)] = A[r, list(places)] if len(places) > 1 else 1.0
+        columns = []
+        for k, a in enumerate(A[r]):
+            if k not in places:
+                column = _filled([product_of(product_of(-self.inverse, a), b) for b in self.d])
+                column[k] = 1.0
+                columns.append(column)
+        if len(places) > 1:
+            i, j = places
+            across = np.zeros(len(M), object) + 0.0
+            across[i], across[j] = A[r, j], product_of(-1.0, A[r, i])
+            columns.insert(i, across)
+        self.N = np.stack(columns, axis=1) if columns else np.zeros((len(M), 0), object)
+        self.others = np.delete(A, r, axis=0)
+        self.M_d = traced.shorter(_dot(M, self.d), at_rest=True)
+        self.others_d = _dot(self.others, self.d)
         inner = traced.shorter(_dot(self.N.T, _dot(M, self.N)), at_rest=True)
         inner = np.where(np.tri(len(inner), dtype=bool), inner, inner.T)
         rows = traced.shorter(_dot(self.others, self.N), at_rest=True)
@@ -239,17 +273,16 @@ class _Substituted:
 
     def solution(self, b: Any, c: Any) -> tuple[Any, Any]:
         """Return u' and -lambda."""
-        r, j, inverse = self.r, self.j, 1.0 / self.A[self.r, self.j]
-        first = product_of(inverse, c[r])
-        right = _dot(self.N.T, [less(a, row[j], first) for a, row in zip(b, self.M, strict=True)])
-        pairs = zip(np.delete(c, r), self.others, strict=True)
+        r, first = self.r, product_of(self.inverse, c[self.r])
+        right = _dot(self.N.T, [less(a, k, first) for a, k in zip(b, self.M_d, strict=True)])
+        pairs = zip(np.delete(c, r), self.others_d, strict=True)
         w, minus = self.inner.solution(
-            self.traced.shorter(right), _filled([less(a, row[j], first) for a, row in pairs])
+            self.traced.shorter(right), _filled([less(a, k, first) for a, k in pairs])
         )
-        u = _dot(self.N, w)
-        u[j] = sum_of([(1.0, u[j]), (1.0, first)])
-        rest = less(less(b[j], 1.0, _dot(self.M[j], u)), 1.0, _dot(self.others[:, j], minus))
-        return u, np.insert(minus, r, product_of(inverse, rest))
+        pairs = zip(_dot(self.N, w), self.d, strict=True)
+        u = _filled([sum_of([(1.0, a), (k, first)]) for a, k in pairs])
+        rest = less(less(_dot(self.d, b), 1.0, _dot(self.M_d, u)), 1.0, _dot(self.others_d, minus))
+        return u, np.insert(minus, r, product_of(self.inverse, rest))
 
 
 def _dot(a: Any, b: Any) -> Any:

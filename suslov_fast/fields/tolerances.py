@@ -32,6 +32,7 @@ SAMPLES_OF_MEMBER, SAMPLES_OF_FAMILY = 24, 2**18
 # --------------------------------------------------------------------------------------- lagrangian
 SAMPLES_OF_MASS = 24  # random states at which M is tested
 LEAST_EIGENVALUE_OF_MASS = 1e-13  # least eigenvalue of a positive definite M with 1 on its diagonal
+ENTRIES_OF_ROW = 12  # in rows of constraints with more entries, sines and cosines are not sought
 
 # -------------------------------------------------------------------------------------------- latex
 LONGEST_LATEX = 4000  # the most characters of equations that are shown in LaTeX
@@ -63,8 +64,8 @@ MOST_ENTRIES = 100  # longer lists hold data
 # --------------------------------------------------------------------------------- right_hand_sides
 MOST_LISTS_OF_EVENTS = 16  # the most lists of events for which a field keeps its right-hand sides
 # A program of up to MOST_OPERATIONS_COMPILED operations is compiled after CALLS_BEFORE_COMPILING
-# calls in NumPy, or BATCHES_BEFORE_COMPILING with batches, because compiling it takes no longer than
-# these calls took.
+# calls in NumPy, or BATCHES_BEFORE_COMPILING with batches, because compiling it takes no longer
+# than these calls took.
 CALLS_BEFORE_COMPILING, BATCHES_BEFORE_COMPILING, MOST_OPERATIONS_COMPILED = 500, 50, 3000
 # Number of terms above which loops, not a list, compute f if few coefficients are 0.
 TERMS_OF_FULL_FIELD = 4000

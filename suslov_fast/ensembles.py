@@ -25,7 +25,7 @@ from .fields.base import Body
 from .keywords import public, refuse_unknown
 from .motions.events import checked_events
 from .motions.flow import flow
-from .motions.motion_arguments import either_map_or_motion
+from .motions.motion_arguments import either_map_or_motion, system_of
 from .orbits.iterate import iterate
 from .results.frames import to_xarray
 from .status import IntegrationWarning, Status
@@ -65,8 +65,8 @@ def ensemble(
 
     Parameters
     ----------
-    system : Field, Map or a body
-        A single system, or a batch.
+    system : Field, Map, a body or callable
+        A single system, or a batch. With `time`, a function of the state, as in :func:`flow`.
     x0 : array_like(float, shape=(..., N, D)) or callable
         Initial states; or a function x0(k) that returns the initial states (..., n, D) of chunk k,
         with the same n for all chunks. A call that continues a store compares only ``x0(0)``.
@@ -122,19 +122,22 @@ def ensemble(
     {'time': 2, 'trajectory': 400, 'component': 2} 207
     """
     xarray, _, zarr = (extra(name, "large") for name in ("xarray", "dask.array", "zarr"))
-    checks.instance("system", system, Body)
+    if time is None:
+        checks.instance("system", system, Body)
     checks.instance("store", store, (str, os.PathLike, zarr.abc.store.Store))
     if isinstance(store, (str, os.PathLike)) and "://" not in os.fspath(store):
         store = os.path.abspath(os.path.expanduser(store))  # the same folder for workers
     function: Any = iterate if time is None else flow
     refuse_unknown("ensemble", options, ensemble, function)
-    of_function = _checked(system, eps, steps, time, options)
     x0, t0 = start_of(x0, options.get("t0"))
     options |= {} if t0 is None else {"t0": checks.real_number("t0", t0)}
     if callable(x0) and chunks is None:
         raise wrong("chunks", "given beside a function x0: how often it is called")
     count = 1 if chunks is None else checks.integer("chunks", chunks, 1)
-    states = system._layout.states("x0", x0(0) if callable(x0) else x0)
+    first = x0(0) if callable(x0) else x0
+    system = system_of(system, first)
+    of_function = _checked(system, eps, steps, time, options)
+    states = system._layout.states("x0", first)
     given = {"system": system, "x0": states, **options, **of_function}
     batch = _batch_of(given, count if callable(x0) else 0)
     N = batch[-1]

@@ -25,6 +25,10 @@ class Complex(Symbol):
     @property
     def operand(self) -> Any:
         how = "take z.real, z.imag or abs(z), or name the variable: Field(f, names, complex=...)"
+        parameters, layout = self.tracer.parameters, self.tracer.layout
+        if not layout.has_pairs and (own := [a for a in parameters if is_complex(parameters[a])]):
+            how = f"the parameter {own[0]} is complex, so name the variables that are, too: "
+            how += "Field(f, names, complex=...)"
         raise NotReal(f"{self} is complex, where a real number is wanted: {how}")
 
     def conjugate(self) -> Any:

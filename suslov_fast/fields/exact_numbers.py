@@ -21,7 +21,8 @@ def exact(name: str, value: Any) -> Fraction:
     """Return a number of Python, NumPy or SymPy as a fraction, a float as its exact value."""
     is_ratio = isinstance(value, Rational)
     if isinstance(value, complex):
-        how = "a parameter is complex if its first value is, as in Field(f, names, c=1j)"
+        how = "Field(f, names, c=1j) and Map have complex parameters, from their first values on; "
+        how += "elsewhere pass real and imaginary parts"
         raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if getattr(value, "is_number", False) and not is_ratio:  # a number of SymPy, such as sqrt(2)
         with suppress(TypeError):  # complex numbers raise it
@@ -49,6 +50,9 @@ def named_parameters(parameters: Mapping[str, Any], variables: Sequence[str]) ->
     """Return parameters with checked names and values, as `numbers_by_name` does."""
     for name in parameters:
         check_parameter(name, variables)
+    if isinstance(parameters.get("complex"), (bool, str)):
+        how = "here write equations of real and imaginary parts"
+        raise TypeError(f"complex: only Field(f, names, complex=...) and Map have it: {how}")
     return numbers_by_name(parameters)
 
 

@@ -80,6 +80,16 @@ def test_states_of_each_chunk(tmp_path):
         ensemble(WELL, lambda k: starts(k, 3 + k), tmp_path / "other", time=1.0, chunks=4)
 
 
+def test_a_function_in_place_of_a_field(tmp_path):
+    f = lambda t, x: (x[1], np.cos(t) - x[0])  # noqa: E731
+    at, x0 = {"time": [0.5, 1.0], "t0": 2.0}, np.arange(10.0).reshape(5, 2)
+    run = flow(Field(f, 2), x0, **at)
+    same(ensemble(f, x0, tmp_path / "a", chunks=2, **at), run)
+    own = {"chunks": 5, **at}
+    same(ensemble(f, lambda k: x0[k : k + 1], tmp_path / "b", **own), run)
+    same(ensemble(f, x0, tmp_path / "a", chunks=2, **at), run)
+
+
 def test_a_stopped_run_goes_on(tmp_path):
     store, options = tmp_path / "run", {"eps": 0.1, "steps": 20, "chunks": 5}
     part = ensemble(BODY, X0, store, progress=lambda done, total: done < 4, **options)

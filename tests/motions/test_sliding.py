@@ -166,6 +166,17 @@ FAMILIES = {
         [(0, 1.2)] * 2,
         10.0,
     ),
+    "three relays": lambda: Family(
+        "x y z",
+        lambda x, m, **p: [
+            p[f"b{i}"] - 0.2 * x[i] + sum(p[f"c{i}{k}"] * m[k] for k in range(3)) for i in range(3)
+        ],
+        lambda x, **_: [*x],
+        {f"b{i}": UNIT for i in range(3)}
+        | {f"c{i}{k}": (-1.5, -0.5) if i == k else UNIT for i in range(3) for k in range(3)},
+        [UNIT] * 3,
+        3.0,
+    ),
 }
 
 
@@ -421,6 +432,81 @@ def test_a_motion_winds_into_a_corner_and_leaves_it(rtol):
     motion = flow(field, [0.1, 0.1, 0.0], time=[1.0, 2.5, 3.0, 4.0], rtol=rtol)
     right = [[0.0, 0.0], [0.0, 0.0], [0.0, -0.25], [0.5, -1.25]]
     np.testing.assert_allclose(motion.states[:, :2], right, atol=1e-10)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("n", [3, 4])
+def test_relays_that_meet_are_left_one_after_the_other(n, stiff):
+    """In x' = b t - sign(x) - c sum(sign(x)) all signs are w, with x' = 0, until the first is 1.
+
+    With the sum S of the w of relays that are held, and m that are left, w = b t - c (S + m).
+    """
+    c, b = 0.3, 1.0 - 0.2 * np.arange(n)
+
+    def rates(x, signs):
+        total = c * sum(signs)
+        return [*(b[i] * x[n] - signs[i] - total for i in range(n)), 1.0]
+
+    field = Field(lambda x: rates(x, [np.sign(a) for a in x[:n]]), n + 1)
+    starts = np.zeros((2, n + 1))
+    starts[1, :n] = 0.1 * np.arange(n) - 0.15
+    motion = flow(field, starts, time=[1.0, 8.0], stiff=stiff)
+    assert motion.ok.all()
+    for x, start in zip(motion.final, starts, strict=True):
+        right, _ = solution(rates, lambda x: x[:n], start, 8.0)
+        np.testing.assert_allclose(x, right, atol=1e-7)
+    np.testing.assert_allclose(motion.states[0, :, :n], 0.0, atol=1e-13)
+    held = n - np.arange(n)
+    # The sum over the held ones: (1 + c held) S = B t - c held m.
+    B, m = np.cumsum(b[::-1])[::-1], np.arange(n)
+    share = c / (1 + c * held)
+    left = (1 + c * m * (1 - share * held)) / (b - share * B)
+    phases = motion.phases
+    leaves = (phases.trajectory == 0) & (phases.mode == "leaves")
+    np.testing.assert_allclose(phases.time[leaves], left[left < 8.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("others", [0, 1, 2])
+def test_motions_wind_into_a_corner_though_one_surface_repels(rng, others):
+    """f leads away from y = 0, but each turn ends nearer to the corner of x = 0 and y = 0.
+
+    A turn changes the distance by the factor .37, the product of y' / x' in two quadrants and of
+    x' / y' in the two others. `others` further relays come to rest, coupled with the first.
+    """
+    size = 2 + others
+
+    def rates(s):
+        x, y, *signs = [np.sign(a) for a in s]
+        last = [-u + 0.1 * x + 0.2 * sum(signs) - 0.2 * u for u in signs]
+        return [-x - 2 * y, 3 * x + 0.5 * y, *last]
+
+    starts = rng.uniform(-1.0, 1.0, (40, size))
+    motion = flow(Field(rates, size), starts, time=40.0)
+    assert motion.ok.all()
+    np.testing.assert_allclose(motion.final, 0.0, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.status.IntegrationWarning")
+def test_a_corner_from_which_there_are_two_solutions():
+    """At x = 0 the signs may become -.3 and .825, for ever, or x' = .15 and y' = 2.75."""
+    field = Field(
+        lambda s: (
+            0.9 + 0.25 * np.sign(s[0]) - np.sign(s[1]),
+            1.5 + 2.25 * np.sign(s[0]) - np.sign(s[1]),
+        ),
+        "x y",
+    )
+    motion = flow(field, [-1.4, 0.0], time=2.0)  # slides along y = 0 with x' = 1.4
+    assert motion.status == Status.SLIDING
+    np.testing.assert_allclose(motion.end, 1.0, rtol=1e-12)
+
+
+def test_derivatives_where_relays_meet():
+    """All relays are reached at once, and held: states do not depend on the start."""
+    field = Field(lambda s: [-np.sign(a) - 0.2 * sum(map(np.sign, s)) for a in s], 3)
+    motion = flow(field, [[0.8, 0.8, 0.8], [0.8, 0.3, -0.4]], time=2.0, derivatives="x0")
+    np.testing.assert_allclose(motion.final, 0.0, atol=1e-14)
+    np.testing.assert_allclose(motion.derivatives["x0"][-1], 0.0, atol=1e-12)
 
 
 def relays(given, of):

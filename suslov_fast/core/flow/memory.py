@@ -95,6 +95,7 @@ def rows_of_work(integrator):
     extended, surfaces = D + len(f.denominators), integrator.event_surface_count
     invariants, tested = of_x.invariants_count, len(of_x.tested)
     has_integrals = int(bool(of_x.left_out))
+    sought = integrator.events.modes[1] if acts and integrator.events.modes else 0
     of_ends = len(integrator.rule.columns) * D
     has_slopes = f.hybrid.jumps and f.columns
     in_lanes = integrator.rule.lanes
@@ -148,6 +149,9 @@ def rows_of_work(integrator):
         near=surfaces,  # the |s| up to which a state is on the surface s = 0
         rate_before=surfaces,  # ds/dt before the event at s = 0 acts
         actions_now=acts,  # number of actions at surfaces at this instant
+        trying=bool(sought) * of_x.D,  # a state with modes that `mode_search` tries
+        tried=bool(sought) * (3 * sought + 1),  # results of the part `search` of `EventSet`
+        only=sought,  # consistent modes that `mode_search` has found
         chooses=chooses,  # 1 where branches of f are to be chosen at the state `new`
         chosen=len(of_x.hybrid.branch_program.results) if chooses else 0,  # results of `branches`
         # Values of f's table that depend on branches.

@@ -29,6 +29,8 @@ def text_of_integrator(integrator, name, W, for_each):
         parts["choose"] = branch_choice.choose_branches
     if integrator.f.hybrid.acts:
         parts["change"] = actions.change
+        if integrator.events.modes:
+            parts["settle"] = actions.settle
     if integrator.rule.interpolates:
         parts["between"] = dense_output.save_between
     if begin_together(text, integrator):

@@ -9,6 +9,7 @@ where r_a is the change of the rate n_a . x' that is needed, -n_a . y for a rate
 solve the linear equations sum_b (n_a . d_b) w_b = r_a.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 from ..expressions.derivative import gradients
@@ -102,7 +103,12 @@ class ExtendedState(Expressions):
             for b, other in constraints.items():
                 product = self.dot(gradient, other.direction)
                 if a == b:
-                    matrix[a, a] = (holds & ~product.equals(0.0)).select(product, 1.0)
+                    # A force of size 0 has the factor r_a; one that moves other surfaces has not.
+                    moves = [self.dot(c.gradient, other.direction) for c in constraints.values()]
+                    moves = [c for c in moves if not same(c.number, 0.0)]
+                    is_0 = [c.equals(0.0) for c in moves or [product]]
+                    is_0 = reduce(Number.__and__, is_0)
+                    matrix[a, a] = (holds & ~is_0).select(product, 1.0)
                 elif not same(product.number, 0.0):
                     matrix[a, b] = (holds & other.holds).select(product, 0.0)
         factors = _solved(matrix, right)

@@ -35,6 +35,16 @@ _OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "og
 _PLAIN = 0.0, 1.0, -1.0
 
 
+class Mark:
+    """Numbers added to modes (1, -1, 0) of surfaces that meet, for which others are sought."""
+
+    STEP = 4.0
+    LEAVES = 1 * STEP  # the solution slides along one of the surfaces, and leaves it
+    BEGINS = 2 * STEP  # the solution begins where the surfaces meet
+    ARRIVES = 3 * STEP  # the solution arrives where the surfaces meet
+    IS_NEAR = 4 * STEP  # the solution is close to such a point, and may wind into it
+
+
 class KeyedProgram(Program):
     """A `Program` that can be a key of caches: programs with the same text are equal.
 
@@ -70,6 +80,8 @@ class EventAction(NamedTuple):
     push       `KeyedProgram` of the direction (D) of the force on a body at rest on the surface, or
                None if it is that in which `to` moves states
     slides     True if the surface is replaced by 0 while the solution slides along it
+    modes      (first, count) of components that are modes of surfaces, if the action serves the
+               search for modes (`flow.events.mode_search`), which reads further results of `to`
     """
 
     surface: Program | None
@@ -80,6 +92,7 @@ class EventAction(NamedTuple):
     rests: bool = False
     push: Program | None = None
     slides: bool = False
+    modes: tuple = ()
 
     def read(self):
         """Return the numbers of all values that `surface` and `to` read, such as components."""
@@ -147,11 +160,14 @@ class EventSet(NamedTuple):
     holds        `EventAction.holds` of the events on surfaces
     rests        `EventAction.rests` of the events on surfaces
     slides       `EventAction.slides` of the events on surfaces
+    search       the number of the event with `EventAction.modes`, or None
+    modes        its `EventAction.modes`, or ()
 
     The part `toward` serves all surfaces. The others belong to event k; the head has tau and v:
 
     toward     reads the state and f; its results are `OF_SURFACE` numbers of each surface
     to{k}      reads the state; its results are the components that the event sets
+    search     reads the state; its results tell if its modes are consistent (`SlidingEquations`)
     tau{k}     reads the state, v, and f before the event; its result is tau
     column{k}  reads the state, v, f before and after the event, and tau; its results are the new v
 
@@ -169,6 +185,8 @@ class EventSet(NamedTuple):
     holds: tuple
     rests: tuple
     slides: tuple
+    search: int | None
+    modes: tuple
 
     surface_count = property(lambda self: len(self.directions))
     count = property(lambda self: len(self.most))
@@ -188,9 +206,9 @@ def in_order_of_code(actions):
     return sorted(range(len(actions)), key=lambda k: actions[k].surface is None)
 
 
-def components_of(action):
-    """Return the numbers of the components of the state that an `EventAction` may set."""
-    results = () if action.to is None else action.to.results
+def components_of(action, D=None):
+    """Return the numbers of the components (D) of the state that an `EventAction` may set."""
+    results = () if action.to is None else action.to.results[:D]
     return tuple(i for i, a in enumerate(results) if not same(a, i))
 
 
@@ -199,11 +217,15 @@ def event_set_of(actions, D, P, by=(), with_columns=False, invariants=None):
 
     `invariants` is the `Program` of functions to whose values steps are projected.
     """
-    parts, components = {}, tuple(map(components_of, actions))
+    parts, components = {}, tuple(components_of(action, D) for action in actions)
     for k, (action, of) in enumerate(zip(actions, components, strict=True)):
         if of:
             to = program_of(action.to.operations, [action.to.results[i] for i in of])
             parts[f"to{k}"] = EventProgram(to, D)
+        if action.modes:
+            parts["search"] = EventProgram(
+                program_of(action.to.operations, action.to.results[D:]), D
+            )
         for q in (None, *range(len(by))) if with_columns else ():
             parts |= _of_columns(k, action, D, P, by, q)
     on_surfaces = [action for action in actions if action.surface is not None]
@@ -221,6 +243,8 @@ def event_set_of(actions, D, P, by=(), with_columns=False, invariants=None):
         holds=tuple(action.holds for action in on_surfaces),
         rests=tuple(action.rests for action in on_surfaces),
         slides=tuple(action.slides for action in on_surfaces),
+        search=next((k for k, action in enumerate(actions) if action.modes), None),
+        modes=next((action.modes for action in actions if action.modes), ()),
     )
 
 
@@ -269,7 +293,7 @@ def _of_columns(k, action, D, P, by, q):
     first, scales = tau + 1, tau + 1 + P
     values = Expressions(scales + len(by), range(first, scales))
     inputs = {i: i for i in range(D)} | {D + p: first + p for p in range(P)}
-    results = [*range(D)] if action.to is None else emitted(values, action.to, dict(inputs))
+    results = [*range(D)] if action.to is None else emitted(values, action.to, dict(inputs))[:D]
     results += [] if action.surface is None else emitted(values, action.surface, dict(inputs))
     rows = gradients(values, [*values.operations], results, D, [inputs[p] for p in by])
     v, before = ({j: k * D + j for j in range(D)} for k in (1, 2))

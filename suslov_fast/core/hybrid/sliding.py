@@ -23,7 +23,7 @@ from ..expressions.tolerances import TINY
 from ..expressions.values import Number, joined, operand_of
 from .constraint_forces import Constraint, ExtendedState
 from .contacts import Contact, Contacts, may_be_contact
-from .event_formulas import WITH_GAPS, EventAction, KeyedProgram
+from .event_formulas import WITH_GAPS, EventAction, KeyedProgram, Mark
 from .tolerances import (
     END_OF_REST,
     MOST_MODES,
@@ -211,7 +211,7 @@ class SlidingEquations(_Rates):
     results   the operands of all rates in `values`
     contacts  {number of an event that is a contact: the component that is its mode}
     actions   `EventAction`s in this order: of each event on a surface, of the mode of each surface
-              (not of contacts), of all modes at time 0, and of each other event
+              (not of contacts), of all modes at time 0, of each other event, of `_search`
     surfaces_of_events  the number of events on surfaces
     """
 
@@ -254,12 +254,21 @@ class SlidingEquations(_Rates):
         self.free = [self.values.dot(slope, self._f({})) for slope in self.slopes]
         all_pairs = combinations(range(self.count), 2)
         self.dependent = [pair for pair in all_pairs if self.depends(*pair)]
+        # Other surfaces on whose modes the mode of each surface depends, or that depend on it.
+        self.linked = [
+            [h for h in range(self.count) if h != g and self._are_linked(D + g, D + h)]
+            for g in range(self.count)
+        ]
         self.toward = [self._toward(g) for g in range(self.count)]
         modes = [self._action_of_mode(g) for g in range(self.count)]
         start = KeyedProgram.of(self.values, self._with_modes(range(D + self.size)))
         events = [self._event(k, action) for k, action in enumerate(actions)]
         n = self.surfaces_of_events = sum(action.surface is not None for action in events)
-        self.actions = (*events[:n], *modes, EventAction(None, start, 0, inf), *events[n:])
+        start = EventAction(None, start, 0, inf)
+        self.actions = (*events[:n], *modes, start, *events[n:], *self._search())
+
+    def _are_linked(self, a, b):
+        return self.changes(a, b) or self.changes(b, a)
 
     def _toward(self, g):
         """Return ds/dt below and above surface g, while the solution slides along the others."""
@@ -305,6 +314,23 @@ class SlidingEquations(_Rates):
         s, to = (KeyedProgram.of(self.values, a) for a in ([surface.number], x))
         return EventAction(s, to, -1, inf, 2)
 
+    def _search(self):
+        """Return the `EventAction` of `mode_search`, if the modes of any surfaces are linked."""
+        if not any(self.linked):
+            return []
+        D, n, number = self.D, self.count, self.values.number
+        results = []
+        for g, (below, above) in enumerate(self.toward):
+            mode, w = number(D + g), self.factors[D + g]
+            truths = [_leads_to(mode, below, above, part) for part in (ZERO_BESIDE, -ZERO_BESIDE)]
+            truths.append(~self.slides[g] | ((w >= 0.0) & (w <= 1.0)))
+            results += [truth.select(1.0, 0.0).number for truth in truths]
+        unclear = [self.slides[g] & self.slides[h] for g, h in self.dependent]
+        unclear = reduce(Number.__or__, unclear, ~self.values.true)
+        results.append(unclear.select(1.0, 0.0).number)
+        to = KeyedProgram.of(self.values, [*self.landed, *range(D, D + self.size), *results])
+        return [EventAction(None, to, 0, inf, modes=(D, n))]
+
     def _with_modes(self, x, leaving=None):
         """Return the state x (operands) with modes of contacts (`Contacts.decided`) and surfaces.
 
@@ -343,12 +369,12 @@ class SlidingEquations(_Rates):
         """Return the state x (operands) with consistent modes of several `surfaces`.
 
         If solutions can slide along all surfaces near x, their modes become 0. So a solution that
-        winds into the point where the surfaces meet goes on. But if there are two surfaces, x is on
-        both, and only one pair of modes is consistent, the modes become this pair. Modes are
-        consistent if f, with these modes, leads to the side of each mode, or back to the surface if
-        the mode is 0. The first mode becomes infinite, a mark of failure, if the modes found are
-        not consistent or several pairs are, if x is on the other side of a surface than its mode
-        says, or if both modes of two surfaces with dependent jumps are 0.
+        winds into the point where the surfaces meet goes on. Modes are consistent if f, with these
+        modes, leads to the side of each mode, or back to the surface if the mode is 0. The first
+        mode becomes infinite, a mark of failure, if the modes found are not consistent, if x is on
+        the other side of a surface than its mode says, or if both modes of two surfaces with
+        dependent jumps are 0. If x is on several surfaces whose modes depend on one another, or
+        near them, these modes get a mark (`Mark`): `mode_search` tries all others, too.
         """
         D, n = self.D, self.count
         values, number = self.values, self.values.number
@@ -372,27 +398,41 @@ class SlidingEquations(_Rates):
         jumps = [values.dot(c.gradient, c.direction) for c in [*self.constraints.values()][:n]]
         factors = [self.factors[D + g] for g in range(n)]
         results = values.at(with_modes(sliding), [*factors, *jumps])[0]
-        can_slide = values.true if at is None else ~self.slides[at]
+        arrives = ~values.true if at is None else ~self.slides[at]
+        can_slide, is_inside = values.true if at is None else arrives, arrives
         for a, w, jump in zip(near, results[:n], results[n:], strict=True):
-            can_slide = can_slide & (~a | ((w >= 0.0) & (w <= 1.0) & (jump < 0.0)))
+            is_between = ~a | ((w >= 0.0) & (w <= 1.0))
+            can_slide, is_inside = can_slide & is_between, is_inside & is_between
+            can_slide = can_slide & (~a | (jump < 0.0))
         modes = [can_slide.select(a, b) for a, b in zip(sliding, modes, strict=True)]
+        meets, winds = self._linked_among(on), self._linked_among(near)
+        is_near = reduce(Number.__or__, [a & ~b for a, b in zip(winds, meets, strict=True)])
+        is_near = is_near & is_inside & ~can_slide
+        meets, winds = [a & ~is_near for a in meets], [a & is_near for a in winds]
         # Other surfaces do not depend on the new modes; events of their own change their modes.
-        new = [a if g in surfaces else ~values.true for g, a in enumerate(on)]
+        new = [
+            a & ~b if g in surfaces else ~values.true
+            for g, (a, b) in enumerate(zip(on, meets, strict=True))
+        ]
         is_right = self._are_consistent(with_modes(modes), new, -ZERO_BESIDE)
-        if n == 2:
-            count, best, both = number(0.0), modes, on[0] & on[1]
-            for pair in product((1.0, -1.0, 0.0), repeat=2):
-                truth = both & self._are_consistent(with_modes(pair), on, ZERO_BESIDE)
-                count = count + truth.select(1.0, 0.0)
-                best = [truth.select(a, b) for a, b in zip(pair, best, strict=True)]
-            is_only = count.equals(1.0)
-            modes = [is_only.select(a, b) for a, b in zip(best, modes, strict=True)]
-            is_right = is_only | (is_right & (count < 1.5))
         far = END_OF_REST * joined("fadd", [abs(number(a)) for a in x[:D]])
         wrong = [mode * a < -far for mode, a in zip(modes, s, strict=True)]
-        wrong += [modes[g].equals(0.0) & modes[h].equals(0.0) for g, h in self.dependent]
+        for g, h in self.dependent:
+            wrong.append(modes[g].equals(0.0) & modes[h].equals(0.0) & ~(meets[g] & meets[h]))
+        mark = Mark.BEGINS if at is None else arrives.select(Mark.ARRIVES, Mark.LEAVES)
+        both = zip(meets, winds, strict=True)
+        marks = [a.select(mark, b.select(Mark.IS_NEAR, 0.0)) for a, b in both]
+        modes = [mode + mark for mode, mark in zip(modes, marks, strict=True)]
         modes[0] = reduce(Number.__or__, wrong, ~is_right).select(inf, modes[0])
         return with_modes(modes)
+
+    def _linked_among(self, truths):
+        """Return truth values that surfaces, with their `truths`, have a linked one with this."""
+        none = ~self.values.true
+        return [
+            truths[g] & reduce(Number.__or__, [truths[h] for h in linked], none)
+            for g, linked in enumerate(self.linked)
+        ]
 
     def _are_consistent(self, x, on, part):
         """Return the truth value that f leads to the modes of x at all surfaces with truth `on`."""

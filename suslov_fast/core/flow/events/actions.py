@@ -36,6 +36,7 @@ from ..tolerances import (
     SLOW_AT_SURFACE,
 )
 from . import branch_choice
+from .mode_search import find_modes, is_marked
 from .records import record
 
 LEAST_POSITIVE = 2.0**-1074  # the least positive number
@@ -353,6 +354,8 @@ def _act_at_times(code):
     for now in text.rounds(Carried()):
         acts = _is_at_stop(code)
         for k in range(events.surface_count, events.count):
+            if k == events.search:
+                continue
             acting = acts & _is_running(code) & code.line.stop_which[0].equals(float(k))
             with text.when(acting.any()):
                 _act(code, k, acting)
@@ -489,28 +492,49 @@ def _act(code, k, truth, by_motion=None):
     In lanes `by_motion` the step led to the surface. `by_motion` is None for events at given times.
     """
     text, line, work, integrator = code.text, code.line, code.work, code.integrator
-    components, D = integrator.events.components[k], integrator.f.of_x.D
     text.copy(work.new, work.before, code.D)
-    text.copy(work.f_new, work.f_before, D)
-    if components:
-        code.call(f"to{k}", work.new, code.table, work.changed)
-        places = text.constants(components)
-        for n in text.each(len(components)):
-            work.new.choose(truth, places[n], work.changed[n])
-        for i in text.each(D):
-            line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
-        if integrator.f.hybrid.chooses:
-            branch_choice.update_branches(code, truth)
-        code.call("f", work.new, code.table, work.f_new)
-    _take_columns(code, k, truth, by_motion, work.before, work.f_before)
-    if components and integrator.f.columns:
-        code.call("f", work.new, code.table, work.f_new)
+    text.copy(work.f_new, work.f_before, integrator.f.of_x.D)
+    _set(code, k, truth, by_motion, work.before, work.f_before)
+    if integrator.events.components[k] and integrator.events.modes:
+        with text.when(is_marked(code).any(), likely=False):
+            text.invoke(f"{code.name}_settle", code.arguments)
     line.action_counts[k] = counts = line.action_counts[k] + truth.select(1.0, 0.0)
     line.tries[0] = line.tries[0] + truth.select(1.0, 0.0)
     if integrator.events.most[k] < inf:
         is_over = truth & (counts >= float(integrator.events.most[k]))
         line.state.choose(is_over, 0, float(LaneState.STOPPED))
     record(code, truth, k, work.before, work.f_before)
+
+
+def _set(code, k, truth, by_motion, before, f_before):
+    """Set the components and columns that event k sets, and f, in lanes `truth`.
+
+    `before` and `f_before` are a copy of the state, and of f. `by_motion` is that of `_act`.
+    """
+    text, line, work, integrator = code.text, code.line, code.work, code.integrator
+    components = integrator.events.components[k]
+    if components:
+        code.call(f"to{k}", work.new, code.table, work.changed)
+        places = text.constants(components)
+        for n in text.each(len(components)):
+            work.new.choose(truth, places[n], work.changed[n])
+        for i in text.each(integrator.f.of_x.D):
+            line.lost.choose(truth, i, code.apply(RAISED, i)["lost"])
+        if integrator.f.hybrid.chooses:
+            branch_choice.update_branches(code, truth)
+        code.call("f", work.new, code.table, work.f_new)
+    _take_columns(code, k, truth, by_motion, before, f_before)
+    if components and integrator.f.columns:
+        code.call("f", work.new, code.table, work.f_new)
+
+
+def settle(code):
+    """Find modes of surfaces that meet, in lanes with marks; the state is moved onto surfaces."""
+    text, work = code.text, code.work
+    text.copy(work.new, work.start, code.D)
+    text.copy(work.f_new, work.f_start, code.f.of_x.D)
+    truth = find_modes(code)
+    _set(code, code.integrator.events.search, truth, None, work.start, work.f_start)
 
 
 def _take_columns(code, k, truth, by_motion, before, f_before):

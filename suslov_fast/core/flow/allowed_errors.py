@@ -17,7 +17,15 @@ from ..llvm.text import Carried
 from .codegen import weighted
 from .growing_components import alert
 from .scalar_kernels import scalar_kernel
-from .tolerances import FLOOR_OF_IMPLICIT, ROUNDING_OF_CLOCKS, ROUNDING_OF_ENDS, RTOL_OF_9
+from .tolerances import (
+    FLOOR_OF_CLOSE_IMPLICIT,
+    FLOOR_OF_EXPLICIT,
+    FLOOR_OF_IMPLICIT,
+    FLOOR_OF_ONE_SIGN,
+    ROUNDING_OF_CLOCKS,
+    ROUNDING_OF_ENDS,
+    RTOL_OF_9,
+)
 
 # Inputs that allow larger than relative errors: TINY if `lost` is `growing_components.RELATIVE`.
 _OF_OTHERS = {"least", "moved", "noisy", "extra"}
@@ -27,15 +35,11 @@ def floors_of(rtol, keeps):
     """Return `floor` of explicit and of implicit steps, relative to the largest value so far.
 
     A component that keeps its sign (`keeps` is 1), such as a population, has a smaller floor.
-    Larger floors make relaxation oscillations jump at wrong times, because these times depend on
-    components at 1e-4 to 1e-2 of their largest values. With smaller floors a pendulum takes more
-    steps at an equal error of 1e-3. Of 2,337 populations and oscillations at rtol = 1e-4, 21 are
-    wrong unnoticed; with 1e-4 in place of the 3e-5 below 27 are, and with 1e-6 20 are. Below
-    RTOL_OF_9 implicit steps have FLOOR_OF_IMPLICIT rtol: the Oregonator jumps when components have
-    decayed to 1e-3 of their largest values.
     """
-    implicit = min(rtol, 1e-4 * sqrt(rtol)) if rtol >= RTOL_OF_9 else FLOOR_OF_IMPLICIT * rtol
-    return min(rtol, 1e-6 if keeps else 3e-5), implicit
+    implicit = FLOOR_OF_CLOSE_IMPLICIT * rtol
+    if rtol >= RTOL_OF_9:
+        implicit = min(rtol, FLOOR_OF_IMPLICIT * sqrt(rtol))
+    return min(rtol, FLOOR_OF_ONE_SIGN if keeps else FLOOR_OF_EXPLICIT), implicit
 
 
 @scalar_kernel

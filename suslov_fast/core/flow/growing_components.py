@@ -49,6 +49,7 @@ from .tolerances import (
     SMALL_COMPONENT,
     UNDERFLOW,
     WITHOUT_DIGITS,
+    WITHOUT_DIGITS_OF_RTOL,
 )
 
 RELATIVE = -1.0  # a mark in the row `lost`: the allowed error is relative to the component's value
@@ -155,31 +156,26 @@ def _lost(
     of 1 means that no digit is right. It replaces every `lost` above a bound: the larger of
     WITHOUT_DIGITS and 100 rtol, or 1 for components that may change their sign.
     """
-    both, size = abs(component.x) + abs(component.new), abs(component.new) * component.inverse
+    x, new, error, lost = component.x, component.new, component.error, component.lost
+    both, size = abs(x) + abs(new), abs(new) * component.inverse
     is_small = both * component.inverse * rtol < SMALL_COMPONENT
-    rate = _rate(component.new, component.f_new, signed)
-    part = 1.0 / (component.keeps > 0.0).select(
-        abs(component.new), LOOSE_SIGN * both
-    )  # a division takes long
+    rate, has_sign = _rate(new, component.f_new, signed), component.keeps > 0.0
+    part = 1.0 / has_sign.select(abs(new), LOOSE_SIGN * both)  # a division takes long
     base, power = loses
     growth = larger(component.keeps * (rate * part), 0.0) * (1.0 / base)
     root = _power(growth, power // 2)
-    own = larger(component.lost, 0.0) + abs(component.error) * part + root * root
-    own = (own > (component.keeps > 0.0).select(larger(WITHOUT_DIGITS, 100.0 * rtol), 1.0)).select(
-        1.0, own
-    )
-    counts = is_small & ((acts > 0.0) | (abs(component.new) < UNDERFLOW))
-    lost = (
-        counts & _loses(component.x, component.new, component.error, some, component.lost)
-    ).select(own, component.lost)
+    own = larger(lost, 0.0) + abs(error) * part + root * root
+    most = has_sign.select(larger(WITHOUT_DIGITS, WITHOUT_DIGITS_OF_RTOL * rtol), 1.0)
+    own = (own > most).select(1.0, own)
+    counts = is_small & ((acts > 0.0) | (abs(new) < UNDERFLOW))
+    lost = (counts & _loses(x, new, error, some, lost)).select(own, lost)
     is_many = lost * size > LOOKED_AT * many
     lost = ((lost > 0.0) & ~(is_small | is_many)).select(0.0, lost)
-    is_fast = (size < 1.0) & (rate > GROWTH_OF_EXPLICIT * abs(component.new))
+    is_fast = (size < 1.0) & (rate > GROWTH_OF_EXPLICIT * abs(new))
     grows = is_fast | is_many | ((size > 1.0) & (lost > WITHOUT_DIGITS))
-    grows = grows & (abs(component.new) >= abs(component.x)) & (lost > LOOKED_AT * many * rtol)
-    is_near = grows | (
-        (damps > 0.0) & _begins_to_grow(component.x, component.new, component.f_new, signed, lost)
-    )
+    grows = grows & (abs(new) >= abs(x)) & (lost > LOOKED_AT * many * rtol)
+    begins = _begins_to_grow(x, new, component.f_new, signed, lost)
+    is_near = grows | ((damps > 0.0) & begins)
     return {
         "most_lost": larger(lost, alerts.most_lost),
         "near": is_near.select(1.0, alerts.near),
@@ -217,25 +213,19 @@ def ALARMS(component: Component, fed, signed, rtol, many, most_lost, grows, belo
     exp(GROWTH_OF_EXPLICIT) in this step, and `below` is the largest `lost` of such components.
     `fed` is as in `FED`.
     """
-    size, signed = (
-        abs(component.new) * component.inverse,
-        (component.new < 0.0).select(-signed, signed),
-    )
-    is_deep = (size > 1.0) & (component.lost > larger(WITHOUT_DIGITS, 100.0 * rtol))
-    is_deep = is_deep & (
-        component.keeps * signed * component.f_new > 0.0
-    )  # steps of a decay may rise by chance
-    is_grown = (abs(component.new) >= abs(component.x)) & ((component.lost * size > many) | is_deep)
-    is_fast = (
-        (component.lost > 0.0)
-        & (size < 1.0)
-        & (signed * (component.f_new - fed) > GROWTH_OF_EXPLICIT * abs(component.new))
-    )
+    x, new, lost = component.x, component.new, component.lost
+    size, signed = abs(new) * component.inverse, (new < 0.0).select(-signed, signed)
+    is_deep = (size > 1.0) & (lost > larger(WITHOUT_DIGITS, WITHOUT_DIGITS_OF_RTOL * rtol))
+    # Steps of a decay may rise by chance.
+    is_deep = is_deep & (component.keeps * signed * component.f_new > 0.0)
+    is_grown = (abs(new) >= abs(x)) & ((lost * size > many) | is_deep)
+    own_growth = signed * (component.f_new - fed)
+    is_fast = (lost > 0.0) & (size < 1.0) & (own_growth > GROWTH_OF_EXPLICIT * abs(new))
     return {
-        "lost": is_grown.select(RELATIVE, component.lost),
-        "most_lost": is_grown.select(inf, larger(component.lost, most_lost)),
+        "lost": is_grown.select(RELATIVE, lost),
+        "most_lost": is_grown.select(inf, larger(lost, most_lost)),
         "grows": is_fast.select(1.0, grows),
-        "below": (size < 1.0).select(larger(component.lost, below), below),
+        "below": (size < 1.0).select(larger(lost, below), below),
     }
 
 

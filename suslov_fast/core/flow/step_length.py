@@ -20,7 +20,7 @@ The difference quotient of f between the next state and the end of the last colu
 |mu| at no cost. After `patience` steps with h |mu| above `limit` a lane becomes implicit. A step
 with a false end counts as COUNT_OF_FALSE such steps, because the shorter next step looks less
 stiff. In implicit steps power iteration on f' finds |mu|. A lane is explicit again after EASY_STEPS
-steps with h |mu| < 2 limit.
+steps with h |mu| < EASY_LIMIT limit.
 """
 
 import functools
@@ -38,6 +38,8 @@ from .tolerances import (
     APART_OF_BOUNCE,
     COUNT_OF_BOUNCE,
     COUNT_OF_FALSE,
+    EASY_IN_TRIAL,
+    EASY_LIMIT,
     EASY_STEPS,
     FACTOR_AFTER_REFUSED,
     FACTOR_AFTER_TRIAL,
@@ -50,9 +52,13 @@ from .tolerances import (
     FIRST_OF_TIME,
     LEAST_ADVANCE,
     LEAST_FACTOR,
+    LEAST_LIMIT,
     LEAST_PREDICTED,
+    LIMIT_OF_ROOT,
+    MORE_PATIENCE,
     MOST_APART,
     MOST_FACTOR,
+    MOST_LIMIT,
     MOST_STIFF_STEPS,
     PROBE_OF_BEND,
     REACH_OF_STEP,
@@ -116,7 +122,7 @@ def first_part(rtol, order):
 
 def limit_of(rtol, order):
     """Return the h |mu| above which a step of length h looks stiff; mu are eigenvalues of f'."""
-    return min(max(17.0 * _root(rtol, order), 1.4), 4.8)
+    return min(max(LIMIT_OF_ROOT * _root(rtol, order), LEAST_LIMIT), MOST_LIMIT)
 
 
 def _halvings(order):
@@ -295,15 +301,16 @@ def _ends(lane, taken, shortest):
     return runs, is_short.select(float(LaneState.ENDED), lane.state)
 
 
-def _is_stiff(rates, states, limit):
-    """Return whether h |mu| > limit, where (h |mu|)**2 = rates / states, see `DIFFERENCES`."""
+def _is_stiff(differences, limit):
+    """Return whether h |mu| > limit, as `Differences` show."""
+    rates, states = differences
     return (rates > limit * limit * states) & (states > 0.0)
 
 
 @scalar_kernel
-def LOOKS(t, taken, wanted, rates, states, stiff, apart, shortest, limit):
+def LOOKS(t, taken, wanted, differences: Differences, stiff, apart, shortest, limit):
     """Return True if `TURN_EXPLICIT` may change a lane: its step looks stiff, or it may end."""
-    is_stiff = _is_stiff(rates, states, limit) | (stiff > 0.0) | (apart > APART_OF_BOUNCE)
+    is_stiff = _is_stiff(differences, limit) | (stiff > 0.0) | (apart > APART_OF_BOUNCE)
     is_short = wanted < larger(shortest * t, TINY)
     return {"looks": (taken > 0.0) & (is_stiff | is_short)}
 
@@ -319,10 +326,7 @@ def TURN_EXPLICIT(
     `stiff` becomes 0. The lane ends if its next step would be too short (`_ends`).
     """
     _, state = _ends(lane, taken, bounds.shortest)
-    is_stiff, accepted = (
-        _is_stiff(differences.rates, differences.states, bounds.limit),
-        accepted > 0.0,
-    )
+    is_stiff, accepted = _is_stiff(differences, bounds.limit), accepted > 0.0
     more = is_stiff.select(1.0, (errors.apart > APART_OF_BOUNCE).select(COUNT_OF_BOUNCE, 0.0))
     easy_now = (more > 0.0).select(0.0, (turning.stiff > 0.0).select(turning.easy + 1.0, 0.0))
     count = turning.stiff
@@ -344,16 +348,17 @@ def TURN_EXPLICIT(
 def TURN_IMPLICIT(lane: Lane, taken, turning: Turning, accepted, rate, bounds: Bounds):
     """Count easy steps in a row; after EASY_STEPS of them an implicit lane turns explicit.
 
-    A step is easy if h |mu| < 2 limit, so that an explicit step could be as long. In the trial, the
-    first TRIAL_STEPS steps, this bound is lower. A lane that turns explicit in its trial has more
-    `patience` afterwards, so that it does not change back and forth.
+    A step is easy if h |mu| < EASY_LIMIT limit, so that an explicit step could be as long. In the
+    trial, the first TRIAL_STEPS steps, this bound is lower. A lane that turns explicit in its trial
+    has more `patience` afterwards, so that it does not change back and forth.
     """
     runs, state = _ends(lane, taken, bounds.shortest)
     accepted = accepted > 0.0
     left = larger(turning.trial - 1.0, 0.0)
     is_trial = left > 0.0
     product = rate * lane.wanted
-    is_easy = (product < 2.0 * bounds.limit) & (product < is_trial.select(0.6 * bounds.limit, inf))
+    is_easy = product < EASY_LIMIT * bounds.limit
+    is_easy = is_easy & (product < is_trial.select(EASY_IN_TRIAL * bounds.limit, inf))
     easy_now = is_easy.select(turning.easy + 1.0, 0.0)
     patient = (is_easy | is_trial).select(turning.patience, STIFF_STEPS)
     easy = accepted.select(easy_now, turning.easy)
@@ -361,7 +366,7 @@ def TURN_IMPLICIT(lane: Lane, taken, turning: Turning, accepted, rate, bounds: B
     turns = (
         (easy >= EASY_STEPS) & (bounds.switches > 0.0) & runs & accepted & (state < LaneState.DONE)
     )
-    after_trial = is_trial.select(smaller(4.0 * patience, MOST_STIFF_STEPS), patience)
+    after_trial = is_trial.select(smaller(MORE_PATIENCE * patience, MOST_STIFF_STEPS), patience)
     explicit = smaller(lane.wanted, bounds.limit / larger(rate, TINY))
     return {
         "wanted": turns.select(explicit, lane.wanted),

@@ -12,9 +12,18 @@ ROUNDING_OF_ENDS = 2.0**-52  # rounding of the sum over columns, as a part of it
 # Errors up to ROUNDING_OF_CLOCKS times the change of clocks are allowed: 1 - cos(t) is rounding at
 # small t.
 ROUNDING_OF_CLOCKS = 2.0**-50
-# Allowed errors of implicit steps with a close rtol, relative to it: errors of the Oregonator are
-# at most 62 rtol with 2**-5, 1,436 rtol with 1; 2**-10 takes 10 % more steps.
-FLOOR_OF_IMPLICIT = 2.0**-5
+# The largest floors of allowed errors, relative to the largest value so far (`floors_of`): of
+# explicit steps, and of components that keep their sign. Larger floors make relaxation oscillations
+# jump at wrong times, because these times depend on components at 1e-4 to 1e-2 of their largest
+# values. With smaller floors a pendulum takes more steps at an equal error of 1e-3. Of 2,337
+# populations and oscillations at rtol = 1e-4, 21 are wrong unnoticed; with 1e-4 in place of 3e-5 27
+# are, and with 1e-6 20 are.
+FLOOR_OF_EXPLICIT, FLOOR_OF_ONE_SIGN = 3e-5, 1e-6
+FLOOR_OF_IMPLICIT = 1e-4  # times the square root of rtol
+# Below RTOL_OF_9 implicit steps have this times rtol, because the Oregonator jumps when components
+# have decayed to 1e-3 of their largest values: its errors are at most 62 rtol with 2**-5, 1,436
+# rtol with 1; 2**-10 takes 10 % more steps.
+FLOOR_OF_CLOSE_IMPLICIT = 2.0**-5
 NOISE_OF_STEP = 2.0**-48  # an error may be noise if it is less than this of the largest component
 
 # -------------------------------------------------------------------------------- batch_solver
@@ -104,8 +113,9 @@ LESS_OF_TRIAL, LITTLE_LESS_OF_TRIAL, ROUNDS_OF_TRIAL = 0.25, 0.75, 24.0
 ALARMING, LOOKED_AT, SMALL_COMPONENT, LOOSE_SIGN = 0.25, 0.1, 0.1, 2.5
 # Factors of the least error that costs digits, see `growing_components.some_of`.
 COSTS_DIGITS, COSTS_IN_IMPLICIT = 1.6e-3, 0.125
-# With a relative error above this and 100 rtol, a component of one sign has no digits.
-WITHOUT_DIGITS = 5e-4
+# With a relative error above this, and above WITHOUT_DIGITS_OF_RTOL times rtol, a component of one
+# sign has no digits.
+WITHOUT_DIGITS, WITHOUT_DIGITS_OF_RTOL = 5e-4, 100.0
 UNDERFLOW = 2.0**-990
 
 # --------------------------------------------------------------------------- linearly_implicit
@@ -159,12 +169,17 @@ PROBE_OF_BEND = 2.0**-7  # part of |x| / |f|: f there, beside f at the start, sh
 # A trajectory ends if MOST_TRIES tries, actions and records move it on by less than LEAST_ADVANCE
 # of the last time.
 MOST_TRIES, LEAST_ADVANCE = 250_000, 1e-3
+# The h |mu| above which a step looks stiff: this times rtol**(1 / (order - 2)), within two limits.
+# Gragg's rule is stable up to about 6.
+LIMIT_OF_ROOT, LEAST_LIMIT, MOST_LIMIT = 17.0, 1.4, 4.8
+# An implicit step is easy if h |mu| is below this times the limit; in a trial, below the second.
+EASY_LIMIT, EASY_IN_TRIAL = 2.0, 0.6
 # A lane becomes implicit after STIFF_STEPS steps that look stiff; STEPS_TO_FORGET other steps clear
 # this count. It becomes explicit after EASY_STEPS steps that explicit ones could do as well; if
-# this happens within less than TRIAL_STEPS implicit steps, its patience becomes 4 times as large,
-# at most MOST_STIFF_STEPS.
+# this happens within less than TRIAL_STEPS implicit steps, its patience becomes MORE_PATIENCE times
+# as large, at most MOST_STIFF_STEPS.
 STIFF_STEPS, STEPS_TO_FORGET, TRIAL_STEPS = 5.0, 6.0, 8.0
-EASY_STEPS, MOST_STIFF_STEPS = 3.0, 100.0
+EASY_STEPS, MORE_PATIENCE, MOST_STIFF_STEPS = 3.0, 4.0, 100.0
 # A false step counts as COUNT_OF_FALSE steps that look stiff. An accepted step with `apart` above
 # APART_OF_BOUNCE counts as COUNT_OF_BOUNCE: it may bounce between both sides of a layer, where f
 # looks flat.

@@ -159,9 +159,8 @@ def CROSSES(before, taken, total, last, points: Crossings, search: Search, since
     accuracy = ACCURACY_OF_CROSSING * (before + taken) + ACCURACY_AT_0 * last
     is_crossed = searched.select(larger(points.crosses, points.twice), points.starts) > 0.0
     has_waves = (points.waves > 1.0) & is_long & ~searched
-    shorter = taken * larger(
-        SAFETY / points.hidden.sqrt().sqrt(), 0.5
-    )  # `hidden` is of order 4 in h
+    root = points.hidden.sqrt().sqrt()  # `hidden` is of order 4 in h
+    shorter = taken * larger(SAFETY / root, 0.5)
     return {
         "crosses": is_crossed & (taken > 0.0) & (total < inf),
         "is_close": searched & ((taken - search.inner <= accuracy) | (since <= accuracy)),
@@ -180,9 +179,8 @@ def OUTCOME(before, t, taken, accepted, served, goal, left, ended, search: Searc
     is_right = accepted + served > 0.0
     cuts = found.crosses & ~found.is_close & ~found.has_waves
     ends = (ended > 0.0) & (left <= EDGE * before)
-    arrives = (
-        is_right & ~(found.crosses | found.has_waves) & (left <= NEARLY * (before + taken)) | ends
-    )
+    arrives = is_right & ~(found.crosses | found.has_waves)
+    arrives = arrives & (left <= NEARLY * (before + taken)) | ends
     lands = (arrives | (found.crosses & found.is_close & is_right)) & (served > 0.0)
     again = (found.hides & is_right & ~(cuts | arrives)) | found.has_waves
     holds = found.searched & is_right & ~(found.crosses | again | arrives)
@@ -229,13 +227,13 @@ def SEARCH(
     has_aim = (aim > inner) & (aim < outer) & (search.rounds <= ROUNDS_OF_SEARCH)
     guess = has_aim.select(aim + 0.5 * accuracy, guess)
     guess = smaller(larger(guess, inner + 0.75 * accuracy), outer - 0.75 * accuracy)
+    weight = holds.select(-of_outer, search.weight)
+    weight = cuts.select(is_rough.select(0.0, of_inner), weight)
     return {
         "length": is_rough.select(outer, (width > accuracy).select(guess, outer)),
         "inner": inner,
         "outer": outer,
-        "weight": cuts.select(
-            is_rough.select(0.0, of_inner), holds.select(-of_outer, search.weight)
-        ),
+        "weight": weight,
         "is_beyond": is_beyond,
     }
 
@@ -247,13 +245,13 @@ def NEXT_LENGTH(
     """Return the next length, and the rows of a search, which begins, goes on, or ends."""
     searches = outcome.cuts | outcome.holds
     forgets = ~searches & (taken > 0.0)
-    after_surface = smaller(
-        search.unlimited,
-        larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * search.unlimited),
-    )
+    unlimited = search.unlimited
+    most = larger(GROWTH_AFTER_SURFACE * taken, PART_AFTER_SURFACE * unlimited)
+    after_surface = smaller(unlimited, most)
     after_this = (outcome.moves & searched).select(after_surface, lane.wanted)
     after_this = (outcome.moves & is_long).select(smaller(after_this, shorter), after_this)
     after_this = searches.select(length, after_this)
+    begins = is_long.select(smaller(lane.wanted, known), lane.wanted)
     return {
         "wanted": outcome.again.select(smaller(shorter, lane.wanted), after_this),
         "longer": outcome.again.select(FACTOR_AFTER_REFUSED, lane.longer),
@@ -261,9 +259,7 @@ def NEXT_LENGTH(
         "outer": forgets.select(inf, search.outer),
         "weight": forgets.select(0.0, search.weight),
         "rounds": forgets.select(0.0, searches.select(search.rounds + 1.0, search.rounds)),
-        "unlimited": searched.select(
-            search.unlimited, is_long.select(smaller(lane.wanted, known), lane.wanted)
-        ),
+        "unlimited": searched.select(unlimited, begins),
     }
 
 

@@ -21,6 +21,7 @@ _OF_MATH = {
 }  # fmt: skip
 _FILLED = "empty", "full", "ones", "zeros", "empty_like", "full_like", "ones_like", "zeros_like"
 _OF_NUMBERS = "array", "asarray", "ascontiguousarray", "eye", "identity"
+_OF_ROWS = {Symbol, float, int}
 
 
 def either(plain: Any, traced: Any) -> Any:
@@ -149,6 +150,11 @@ def _in_place() -> dict[int, tuple[Any, Any]]:
     return {id(plain): (plain, either(plain, traced)) for plain, traced in pairs}
 
 
+def _is_row(value: Any) -> bool:
+    """Return True for a list of symbols and numbers."""
+    return type(value) in (list, tuple) and _OF_ROWS.issuperset(map(type, value))
+
+
 def _filling(make: Any, fills_all: bool) -> Callable[..., Any]:
     """Return a function such as `np.zeros`, whose arrays of floats f can fill with symbols."""
     name = make.__name__
@@ -156,6 +162,8 @@ def _filling(make: Any, fills_all: bool) -> Callable[..., Any]:
     @functools.wraps(make)
     def function(*given: Any, **options: Any) -> Any:
         if name in _OF_NUMBERS and has_symbols(given):
+            if name.endswith("array") and len(given) == 1 and not options and _is_row(given[0]):
+                return Symbols.of(given[0])  # for speed
             dtype = given[1] if len(given) > 1 else options.pop("dtype", None)
             array = make(given[0], **options).view(Symbols)
             return array if dtype is None else array.astype(dtype)

@@ -25,7 +25,8 @@ class _PreparedRunner(batch_solver.StepRunner):
     def __init__(self, f, settings, sign, B, for_each):
         integrator = batch_solver.integrator_of(f, int(bool(settings.stiff)), settings)
         self.begins_with, places, count = integrator, integrator.rows, B * integrator.rows.size
-        self.acts, shape = f.hybrid.acts, (B, len(f.table)) if for_each else (len(f.table),)
+        has_many = for_each or f.hybrid.chooses  # tables: each trajectory has branches of its own
+        self.acts, shape = f.hybrid.acts, (B, len(f.table)) if has_many else (len(f.table),)
         both = np.zeros(count + math.prod(shape))
         rows, table = both[:count].reshape(B, -1), both[count:].reshape(shape)
         rows[:, places.state] = BEGINS
@@ -112,7 +113,7 @@ def solve_small_batch(f, table, x0, request):
     B, starts = len(x0), None
     if f.hybrid.offsets:
         table, x0, starts = batch_solver.counted_from_start(f, table, x0)
-    key = f, request.settings, request.sign, B, f.hybrid.chooses or table.ndim > 1
+    key = f, request.settings, request.sign, B, table.ndim > 1
     free = prepared(*key)
     try:
         runner = free.pop()

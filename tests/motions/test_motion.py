@@ -2,6 +2,7 @@
 
 import inspect
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 
 import mpmath
@@ -351,6 +352,58 @@ def test_a_parameter_that_changes_at_each_call():
     family = at(decay.with_parameters(a=a), [1.0], 1.5)
     np.testing.assert_array_equal(each, family)
     np.testing.assert_allclose(family[:, 0], np.exp(-1.5 * np.exp(-a / 2.0)), rtol=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:times count", "ignore:.*escape")
+@pytest.mark.parametrize("time", [2.0, [0.5, 2.0], [2.0, 0.0]])
+@pytest.mark.parametrize("name", [*CALLS, "one orbit"])
+def test_motions_are_read_only_and_have_arrays_of_their_own(name, time):
+    system, x0, options = CALLS.get(name, (PENDULUM, [2.5, 0.0], {}))
+    given = np.array(x0)
+    motion = flow(system, given, time=time, **options)
+    start, arrays = motion.x0.copy(), [a for a in vars(motion).values() if type(a) is np.ndarray]
+    assert len(arrays) >= 8
+    assert not any(array.flags.writeable for array in arrays)
+    given[...] = 7.0  # the user's array stays the user's
+    np.testing.assert_array_equal(motion.x0, start)
+
+
+def test_small_calls_do_not_mix():
+    """What one call keeps for the next is of its field, times, tolerance, shape and direction."""
+    spring = Field(lambda x, k: (x[1], -k * x[0]), "x v", k=1.0)
+    fields_of = {k: spring.with_parameters(k=k) for k in (1.0, 4.0)}
+    calls = [
+        (k, x0, time, rtol)
+        for k in fields_of
+        for x0 in ([1.0, 0.0], [[1.0, 0.0], [2.0, 0.0]], [[[3.0, 0.0]]])
+        for time in (1.5, -1.5, 3.0, [0.5, 3.0])
+        for rtol in (1e-6, 1e-11)
+    ]
+
+    def states(call):
+        k, x0, time, rtol = call
+        motion = flow(fields_of[k], x0, time=time, rtol=rtol)
+        assert motion.rtol == rtol
+        assert (motion.end == np.ravel(time)[-1]).all()
+        times = np.reshape(time, (-1, *(1,) * np.ndim(x0)))
+        wanted = np.cos(np.sqrt(k) * times) * x0
+        np.testing.assert_allclose(motion.states[..., 0], wanted[..., 0], atol=1e3 * rtol)
+        return motion.states
+
+    order = np.random.default_rng(1).permutation(np.repeat(np.arange(len(calls)), 3))
+    alone = [states(call) for call in calls]
+    with ThreadPoolExecutor(4) as pool:
+        for k, found in zip(order, pool.map(states, [calls[k] for k in order]), strict=True):
+            np.testing.assert_array_equal(found, alone[k])
+
+
+def test_a_surface_in_a_text_is_read_for_each_field():
+    period = sf.crossings(Field(lambda x: (x[1], -x[0]), "x v"), [1.0, 0.0], "x", time=3.0)
+    of_second = sf.crossings(Field(lambda x: (-4 * x[1], x[0]), "v x"), [0.0, 1.0], "x", time=3.0)
+    np.testing.assert_allclose(period.time, [np.pi / 2], rtol=1e-8)
+    np.testing.assert_allclose(of_second.time, [np.pi / 4, 3 * np.pi / 4], rtol=1e-8)
+    with pytest.raises(ValueError, match="surface"):
+        sf.crossings(Field(lambda x: (x[1], -x[0]), "q p"), [1.0, 0.0], "x", time=3.0)
 
 
 def test_settings_and_columns_of_the_engine_are_everywhere():

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..maps.orthonormal import eigenvectors, product
+from ..maps.ordered_algebra import eigenvectors, product
 
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
 # equality, and the parallel axis theorem loses a few digits.

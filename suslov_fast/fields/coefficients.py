@@ -16,7 +16,7 @@ from ..core.expressions.programs import needed_for
 from .equations import Equations
 from .exact_numbers import as_given, exact
 from .names import check_order
-from .polynomials import (
+from .polynomial_dicts import (
     Polynomial,
     constant,
     difference,

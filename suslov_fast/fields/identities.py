@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any
 
 from ..core.expressions.programs import depending, needed_for
-from .polynomials import Polynomial, constant, difference, product, total
+from .polynomial_dicts import Polynomial, constant, difference, product, total
 from .tolerances import LARGEST_POWER, MOST_PRODUCTS_OF_TERMS
 
 _FIRST_ROOT = 2**40  # the first letter for a square root

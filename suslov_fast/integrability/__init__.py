@@ -17,9 +17,9 @@ The files, each of which uses only those before it:
   `contracted_curves`, `entropy`: the entropy of maps of the plane, from the curves that they
   contract. `repairs`: letters for which it is lower. `levels`: maps on levels of integrals, which
   may be maps of the plane.
-- `linear_relations`: linear relations along orbits, and integrals from them. `invariants`:
-  integrals and measures from Darboux polynomials. `darboux`: these polynomials and their cofactors.
-  `symmetries`: reversing symmetries.
+- `linear_relations`: linear relations along orbits, and integrals from them.
+  `integrals_of_polynomials`: integrals and measures from Darboux polynomials. `darboux`: these
+  polynomials and their cofactors. `symmetries`: reversing symmetries.
 - `search`: all of this, task by task. `hirota_kimura`: Hirota-Kimura bases. `report`: the results
   in one object.
 """

@@ -21,8 +21,8 @@ from . import arithmetic, polynomials
 from .arithmetic import EPS, Residues, Values
 from .birational_maps import RationalMap
 from .exact_maps import checked_map
+from .integrals_of_polynomials import DarbouxInvariants
 from .interpolation import over_rationals
-from .invariants import Invariants
 from .polynomials import Polynomials, degree_of, exponents_up_to, modulo, monomial_values
 from .rational_functions import RationalFunction, factored, product_of, rational_roots
 from .tolerances import EXTRA_EQUATIONS, MOST_TERMS_FACTORED
@@ -133,7 +133,7 @@ def darboux_polynomials(
 
 def _of_all_cofactors(map: RationalMap, degree: int) -> Polynomials:
     """Return Darboux polynomials of all cofactors, without combinations of products of others."""
-    known = Invariants(map, degree)
+    known = DarbouxInvariants(map, degree)
     usual = [RationalFunction(()), map.jacobian_cofactor]
     for k in range(1, degree + 1):
         for cofactor in dict.fromkeys([*cofactors_of_degree(map, k), *usual]):

@@ -18,7 +18,7 @@ from .birational_maps import RationalMap
 from .darboux import Determinant, candidate_cofactors, nullity, space_of, with_constants
 from .degrees_of_iterates import agreed_degrees, growth
 from .entropy import PlanarEntropy, planar_entropy, proved_by_integral
-from .invariants import Invariants
+from .integrals_of_polynomials import DarbouxInvariants
 from .kahan_maps import KahanMap
 from .levels import Level, on_level
 from .levels_of_integrals import quotient_of_lines
@@ -142,7 +142,7 @@ class Search:
     def __init__(self, map: RationalMap, degree: int, only_integrals: bool = False):
         self.map, self.degree = map, degree
         self._only_integrals = only_integrals
-        self.invariants = Invariants(map, degree)
+        self.invariants = DarbouxInvariants(map, degree)
         self.degrees: list[int] = []
         self.relations: int | None = None
         self.symmetries: tuple[Reversor, ...] = ()

@@ -72,7 +72,7 @@ MOST_SEARCHES = 4096  # the most calls of a `Search` modulo one prime
 # The most primes: enough for numerators and denominators of 1000 decimal digits.
 MOST_PRIMES_OF_INTERPOLATION = 128
 
-# --------------------------------------------------------------------------------------- invariants
+# ------------------------------------------------------------------------- integrals_of_polynomials
 # Larger prime factors of constants are not sought: any coprime factors would do.
 LARGEST_PRIME_FACTOR = 2**16
 # Weight of equations in a lattice: large, so that short vectors satisfy them.

@@ -30,7 +30,7 @@ NUMBERS_OF_PART = 2**16
 # thread may take 8 ms to wake.
 STEPS_OF_SERIAL_CALL = 1_000_000
 
-# -------------------------------------------------------------------------------------- orthonormal
+# ---------------------------------------------------------------------------------- ordered_algebra
 # Before `decompose_each` is compiled, NumPy takes TIME_OF_FRAME_IN_NUMPY n**3 (K + ENTRIES_OF_CALL)
 # seconds.
 TIME_OF_FRAME_IN_NUMPY, ENTRIES_OF_CALL = 4e-9, 500

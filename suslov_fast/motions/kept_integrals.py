@@ -1,4 +1,4 @@
-"""Warnings of first integrals that motions do not keep, see `core.flow.projection`."""
+"""Warnings of first integrals that motions do not keep, see `core.flow.projected_states`."""
 
 from __future__ import annotations
 

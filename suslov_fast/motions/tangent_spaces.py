@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import FloatArray
 from ..fields.constraints import Constraints
-from ..maps.orthonormal import dual_product, orthonormal, product
+from ..maps.ordered_algebra import dual_product, orthonormal, product
 
 
 def tangent_basis(slopes: FloatArray) -> FloatArray:

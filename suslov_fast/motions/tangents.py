@@ -37,7 +37,7 @@ from ..core.flow.memory import UNKEPT, LaneState
 from ..core.hybrid.event_formulas import EventAction, components_of
 from ..fields.constraints import constraints_of
 from ..fields.right_hand_sides import with_events
-from ..maps.orthonormal import dual_product, orthonormal
+from ..maps.ordered_algebra import dual_product, orthonormal
 from ..status import Status
 from .extension import extended
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.numba.orthonormal import decompose_each
-from suslov_fast.maps.orthonormal import eigenvectors, orthonormal
+from suslov_fast.maps.ordered_algebra import eigenvectors, orthonormal
 
 
 def by(function, V):

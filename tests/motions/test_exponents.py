@@ -12,7 +12,7 @@ from systems import LORENZ, exponents_by_qr, lorenz, lorenz_96, rubbing
 
 import suslov_fast as sf
 from suslov_fast.maps import derivatives
-from suslov_fast.maps.orthonormal import dual_product, orthonormal
+from suslov_fast.maps.ordered_algebra import dual_product, orthonormal
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.IntegrationWarning")

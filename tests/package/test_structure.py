@@ -192,7 +192,8 @@ def test_the_core_is_pure_numerics():
 
 
 # Files that call LAPACK or BLAS, whose last digits depend on the processor, and for what: no orbit
-# goes on from them. `maps/orthonormal.py` has products and decompositions with one order of sums.
+# goes on from them. `maps/ordered_algebra.py` has products and decompositions with one order of
+# sums.
 OF_LAPACK = {
     "bodies/adapted_basis": "checks of tensors; the sign of a determinant",
     "bodies/body": "results: vectors in space",

@@ -224,7 +224,7 @@ class BatchSolver:
              the run these are the errors at the end, if `lost` was given or an alarm ended a
              trajectory of the same block
     doubtful (B,), True where an alarm of `growing_components` did not end the trajectory
-    unkept   (B, UNKEPT), results of tests of first integrals, see `projection`; 0 without integrals
+    unkept   (B, UNKEPT), tests of first integrals, see `projected_states`; 0 without integrals
     records  arrays of the actions of events, see `events.records`
     is_stopped   True if `report` stopped the run
     """

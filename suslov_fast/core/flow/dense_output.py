@@ -19,7 +19,7 @@ import numpy as np
 from ..llvm.text import Carried, Integers, Shared, Value
 from .codegen import larger_of, weighted
 from .memory import LaneState
-from .projection import project
+from .projected_states import project
 from .scalar_kernels import scalar_kernel
 from .tolerances import (
     ERROR_OF_DEFECT,

@@ -76,7 +76,7 @@ class Plan(NamedTuple):
     lane_state: int
     at: int  # the time at which actions of events accumulate
     lost: int  # relative errors of components, see `growing_components`
-    unkept: int  # results of tests of first integrals, see `projection`; 0 without integrals
+    unkept: int  # results of tests of first integrals, see `projected_states`; 0 without integrals
 
 
 PLAN = Plan(*range(len(Plan._fields)))

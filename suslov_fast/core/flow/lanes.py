@@ -11,7 +11,7 @@ trajectories begin in their lanes.
 from math import inf
 
 from ..llvm.text import Integers, Shared
-from . import dense_output, projection, step_length
+from . import dense_output, projected_states, step_length
 from .code_arguments import SLOT
 from .codegen import StepCode
 from .events import actions, branch_choice
@@ -111,7 +111,7 @@ def _begin(code, begins):
     if code.f.hybrid.chooses:
         text.copy(line.x, code.work.new, code.D)
         branch_choice.update_branches(code, begins)
-    projection.keep_levels(code, begins, line.x)
+    projected_states.keep_levels(code, begins, line.x)
     code.call("f", line.x, code.table, f_new)
     for i in text.each(code.extended):
         line.f_x.choose(begins, i, f_new[i])

@@ -61,8 +61,8 @@ def rows_of_trajectory(integrator):
         recorded=acts,  # number of crossings that events have recorded without acting
         often=acts,  # how often in a row an event has acted again at once
         resting=acts,  # number of surfaces on which the state stays
-        levels=f.of_x.invariants_count,  # values of invariants that steps keep, see `projection`
-        unkept=UNKEPT * bool(f.of_x.left_out),  # see `projection.note`
+        levels=f.of_x.invariants_count,  # values of kept invariants, see `projected_states`
+        unkept=UNKEPT * bool(f.of_x.left_out),  # see `projected_states.note`
         t=1,  # modulus of the time
         wanted=1,  # length of the next step
         best=1,  # length with which the last step would have had the allowed error; 0: not known

@@ -6,7 +6,7 @@ depends on time alone, because a solution does not cross a pole of f.
 
 from ..expressions.tolerances import TINY
 from ..llvm.text import Carried
-from . import allowed_errors, projection
+from . import allowed_errors, projected_states
 from .codegen import larger_of, weighted
 from .scalar_kernels import scalar_kernel
 from .tolerances import LEAST_SIZE, LEAST_SIZE_OF_COLUMNS, NOISE_OF_STEP
@@ -59,9 +59,9 @@ def find_next_state(code):
         smallest = LEAST_SIZE if first == 0 else LEAST_SIZE_OF_COLUMNS
         least = larger_of(code.number("rtol") * (smallest * sums.top), TINY)
         sizes.append({"moved": sums.moved, "least": least, "noisy": NOISE_OF_STEP * sums.top})
-    projection.project(code, work.new)
-    projection.test_integrals(code)
-    kept = projection.kept_by_constraints(code, sums.kept)
+    projected_states.project(code, work.new)
+    projected_states.test_integrals(code)
+    kept = projected_states.kept_by_constraints(code, sums.kept)
     code.call("f", work.new, code.table, work.f_new)
     for k in range(code.D, code.extended):  # denominators that depend on time alone
         kept = _changes_sign(line.f_x[k], work.f_new[k]).select(0.0, kept)

@@ -107,7 +107,7 @@ def solve_small_batch(f, table, x0, request):
     The states (count, B, D) are NaN where they are not reached. `columns` is {name in `COLUMNS`:
     array (B,)}, and `records` has the events. A single trajectory may change its integrator. If one
     of several does, or if a trajectory ends early, has an alarm (`growing_components`) or does not
-    keep an integral (`projection`), return (states, None, None, begun), where `begun` is what
+    keep an integral (`projected_states`), return (states, None, None, begun), where `begun` is what
     `BatchSolver.run` needs to go on.
     """
     B, starts = len(x0), None

@@ -44,7 +44,7 @@ from . import (
     allowed_errors,
     dense_output,
     growing_components,
-    projection,
+    projected_states,
     second_trial,
     step_length,
 )
@@ -75,7 +75,7 @@ def take_step(code):
         branch_choice.renew(code)
     growing_components.sound(code)
     step_length.count(code)
-    projection.note(code)
+    projected_states.note(code)
     move(code)
 
 

@@ -19,7 +19,7 @@ from ...llvm.text import Carried, Integers, Shared
 from ..codegen import larger_of
 from ..growing_components import RAISED
 from ..memory import LaneState
-from ..projection import keep_levels
+from ..projected_states import keep_levels
 from ..scalar_kernels import scalar_kernel
 from ..step_length import first_length, sizes_of
 from ..tolerances import (

@@ -48,7 +48,7 @@ class Product(NamedTuple):
 _ONE = Product(0, ())
 
 
-class Invariants:
+class DarbouxInvariants:
     """The known Darboux polynomials of a map, and the integrals and measures that they imply.
 
     None of the `generators` is a linear combination of products of others. Methods identify a

@@ -49,10 +49,10 @@ def with_frame(f, moving):
     known = {i: i for i in range(D)} | {a: first + k for k, a in enumerate(f.table)}
     results = iter(emitted(values, united((f.rates, f.derivative, f.invariants)), known))
     parts = (D, len(f.pattern), f.invariants_count, len(f.invariants_places))
-    of_x, entries, kept, of_kept = ([next(results) for _ in range(count)] for count in parts)
+    of_x, entries, levels, of_levels = ([next(results) for _ in range(count)] for count in parts)
     slopes = _matrix(f.pattern, entries, place, place)
     if rows:
-        C = _matrix(f.invariants_places, of_kept, {a: k for k, a in enumerate(rows)}, place)
+        C = _matrix(f.invariants_places, of_levels, {a: k for k, a in enumerate(rows)}, place)
         U = _axes(f, moving, C, m, first + len(f.table))
         slopes = _within_constraints(values, slopes, C, U, (m, n))
     emit, square = values.emit, [*itertools.product(range(m), repeat=2)]
@@ -65,7 +65,7 @@ def with_frame(f, moving):
     of_Q = _product(emit, Q, S, m)
     rates = [of_Q.get(each, 0.0) for each in square]
     results = [*of_x, *rates, *(M.get((i, i), 0.0) for i in range(m))]
-    invariants = Invariants(kept, f.constraints_count, f.positions)
+    invariants = Invariants(levels, f.constraints_count, f.positions)
     about = {"table": fixed, "invariants": invariants, "is_written": False}
     return RightHandSide(values, results, len(fixed), **about)
 

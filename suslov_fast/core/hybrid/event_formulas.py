@@ -262,8 +262,8 @@ def _toward(actions, D, P, invariants):
     surfaces = [emitted(values, a.surface, new)[0] for a, new in zip(actions, copies, strict=True)]
     slopes = gradients(values, [*values.operations], surfaces, D)
     f, results = {j: D + j for j in range(D)}, []
-    kept = emitted(values, invariants, dict(inputs)) if invariants else []
-    moved = moved_by_projection(values, gradients(values, [*values.operations], kept, D))
+    levels = emitted(values, invariants, dict(inputs)) if invariants else []
+    moved = moved_by_projection(values, gradients(values, [*values.operations], levels, D))
     moduli = {j: operand_of(abs(values.number(a))) for j, a in f.items()}
     for action, new, s, row in zip(actions, copies, surfaces, slopes, strict=True):
         sizes = sizes_of(values, action.surface.operations, new)

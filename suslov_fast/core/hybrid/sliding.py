@@ -52,7 +52,7 @@ class _Rates:
     constraints  {mode: `Constraint`}
     """
 
-    def __init__(self, f, comparisons, pairs, touching, D, P, kept):
+    def __init__(self, f, comparisons, pairs, touching, D, P, levels):
         self.f, self.D = f, D
         self.comparisons, self.pairs = comparisons, pairs
         self.count = count = len(pairs)
@@ -75,7 +75,7 @@ class _Rates:
         self.touching = {}
         free = self.with_sides({})[0] if touching else None
         if touching:
-            values.project(emitted(values, kept[1], dict(values.inputs)), kept[0])
+            values.project(emitted(values, levels[1], dict(values.inputs)), levels[0])
         self.touching = {
             k: Contact(values, action, mode, free)
             for mode, (k, action) in enumerate(touching.items(), D + count)
@@ -217,7 +217,7 @@ class SlidingEquations(_Rates):
 
     def __init__(self, values, results, D, P, actions=(), sign=1, invariants=NOTHING):
         f, self.size = program_of(values.operations, results), 0
-        kept = invariants.constraints, program_of(values.operations, invariants.operands)
+        levels = invariants.constraints, program_of(values.operations, invariants.operands)
         self.sign = sign = float(sign)
         comparisons, pairs = _comparisons_in(values, f)
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
@@ -225,14 +225,14 @@ class SlidingEquations(_Rates):
             return
         # A surface has a mode if ds/dt jumps across it. A contact has a mode if its force changes
         # d2s/dt2, and if f neither jumps nor has a kink at its surface.
-        trial = _Rates(f, comparisons, pairs, touching, D, P, kept)
+        trial = _Rates(f, comparisons, pairs, touching, D, P, levels)
         has_mode = [trial.changes(D + g, D + g) for g in range(len(pairs))]
         pairs = dict(compress(pairs.items(), has_mode))
         for k, contact in trial.touching.items():
             is_of_f = any(same(contact.s.number, s) for s in trial.surfaces)
             if is_of_f or not trial.changes(contact.mode, contact.mode):
                 del touching[k]
-        super().__init__(f, comparisons, pairs, touching, D, P, kept)
+        super().__init__(f, comparisons, pairs, touching, D, P, levels)
         changes = sum(self.changes(a, b) for a, b in product(self.constraints, repeat=2))
         if not 0 < changes * len(self.constraints) <= MOST_PAIRS_OF_MODES:
             self.size = 0

@@ -40,10 +40,13 @@ def assert_principle(field, L, x0, constraints=None, forces=None, time=1.0, atol
     """Compare d(L_v)/dt - L_q - Q along a motion with 0, for all velocities that are allowed.
 
     The derivative in time is a difference of order 8; the others are complex steps. So nothing of
-    the package but states of the motion is tested.
+    the package but states of the motion is tested, or, if `time` is None, the rates at x0.
     """
     n, step = len(x0) // 2, 1e-2
-    x = flow(field, x0, time=time + step * np.arange(-4, 5), rtol=1e-12).states
+    if time is None:
+        x = x0 + step * np.outer(np.arange(-4, 5), field(x0))
+    else:
+        x = flow(field, x0, time=time + step * np.arange(-4, 5), rtol=1e-12).states
     weights = np.array([3, -32, 168, -672, 0, 672, -168, 32, -3]) / 840 / step
     momenta = [slopes(lambda v, q=y[:n]: L(q, v), y[n:])[0] for y in x]
     q, v = x[4, :n], x[4, n:]
@@ -539,3 +542,136 @@ def test_rattleback_turns_back():
     assert_allclose(motion.states[0, :6], exact, atol=1e-7)
     assert motion.states[1, 5] > 5.0  # it turns the other way
     assert_allclose(motion.energy(), field.energy(x0), rtol=1e-8)
+
+
+# ------------------------------------------------------------------------------ other bodies
+def test_body_by_quaternions_is_euler_s():
+    """|q| = 1 is a constraint, and the angular velocity is 2 q* q'."""
+    moments, start = np.array([1.0, 2.0, 3.0]), np.array([0.3, 0.1, 1.2])
+
+    def omega(q, v):
+        a, b, c, d = q
+        rows = np.array([[-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
+        return 2 * (rows @ v)
+
+    field = Field.from_lagrangian(
+        lambda q, v: (moments * omega(q, v)) @ omega(q, v) / 2,
+        "a b c d",
+        constraints=lambda q, v: q @ q - 1,
+    )
+    euler = Field(lambda w: (-w[1] * w[2], w[2] * w[0], -w[0] * w[1] / 3), 3)
+    t = np.array([1.0, 10.0])
+    motion, exact = flow(field, [1, 0, 0, 0, 0, *start / 2], time=t), flow(euler, start, time=t)
+    for state, expected in zip(motion.states, exact.states, strict=True):
+        assert_allclose(omega(state[:4], state[4:]), expected, atol=1e-9)
+    assert_allclose(motion.residuals(), 0, atol=1e-14)
+
+
+def test_suslov_body_with_rotors():
+    """Momenta k that are fixed in the body are terms of L of degree 1."""
+    inertia, k = (
+        np.array([[4, 0, -0.5], [0, 2, -0.25], [-0.5, -0.25, 3]]),
+        np.array([0.3, 0.7, 0.2]),
+    )
+    field = Field.from_lagrangian(
+        lambda g, u: u @ (inertia @ u) / 2 + k @ u,
+        "g1 g2 g3",
+        "O1 O2 O3",
+        frame=lambda g, u: np.cross(g, u),
+        algebra="so3",
+        constraints=lambda g, u: u[2],
+    )
+
+    def newton(t, x):
+        turn = np.cross(inertia @ x[3:] + k, x[3:])
+        inverse = np.linalg.inv(inertia)
+        turn[2] -= (inverse @ turn)[2] / inverse[2, 2]
+        return np.concatenate([np.cross(x[:3], x[3:]), inverse @ turn])
+
+    x0 = [0, 0, 1, 1.0, 0.5, 0]
+    exact = solve_ivp(newton, (0, 5.0), x0, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    assert_allclose(flow(field, x0, time=5.0).final, exact, atol=1e-9)
+
+
+def test_ball_in_a_turning_cylinder():
+    """It does not fall: its height oscillates at sqrt(2 / 7) times the rate of its centre."""
+    a, radius, turn, g = 0.2, 0.8, 0.7, 9.81  # the ball's radius, of the centre's path
+    turns = np.zeros((5, 5, 5))
+    for i, j, k in ((2, 3, 4), (3, 4, 2), (4, 2, 3)):
+        turns[i, j, k], turns[j, i, k] = -1.0, 1.0  # axes are fixed in space
+
+    def lagrangian(q, u):
+        moving = radius**2 * u[0] ** 2 + u[1] ** 2 + 0.4 * a * a * (u[2:] @ u[2:])
+        return moving / 2 - g * q[1]
+
+    def rolling(q, u):
+        along = -sin(q[0]) * u[2] + cos(q[0]) * u[3]
+        return radius * u[0] + a * u[4] - (radius + a) * turn, u[1] - a * along
+
+    field = Field.from_lagrangian(
+        lagrangian,
+        "angle z",
+        "rate vz wx wy wz",
+        frame=lambda q, u: u[:2],
+        algebra=turns,
+        constraints=rolling,
+    )
+    rate, vz, out = 0.9, 0.3, 0.5
+    x0 = [0, 0, rate, vz, out, vz / a, ((radius + a) * turn - radius * rate) / a]
+    t = np.linspace(0, 12, 13)
+    motion = flow(field, x0, time=t)
+    w = np.sqrt(2 / 7) * rate
+    middle = -(2 / 7 * a * rate * out + 5 / 7 * g) / w**2
+    assert_allclose(motion["angle"], rate * t, atol=1e-9)
+    exact = middle * (1 - cos(w * t)) + vz / w * sin(w * t)
+    assert_allclose(motion["z"], exact, atol=1e-7)
+
+
+def test_constraint_of_appell():
+    """z' = a |(x', y')| is not linear: by Chetaev's rule the speed on the plane grows linearly."""
+    field = Field.from_lagrangian(
+        lambda q, v: v @ v / 2 - q[2],
+        "x y z",
+        constraints=lambda q, v: v[2] - 1.5 * np.sqrt(v[0] ** 2 + v[1] ** 2),
+    )
+    t = np.array([0.5, 1.0])
+    motion = flow(field, [0, 0, 0, 0.6, 0.8, 1.5], time=t)
+    speed = 1 - 1.5 / 3.25 * t
+    assert_allclose(motion["vx"], 0.6 * speed, atol=1e-12)
+    assert_allclose(motion["z"], 1.5 * (t - 0.75 / 3.25 * t * t), atol=1e-12)
+    assert_allclose(motion.energy(), 1.625, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_systems(seed):
+    """Constraints are eliminated in many ways; d'Alembert's principle holds for all of them."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 6))
+    a, R = n - 1, rng.normal(size=(4, n))
+
+    def lagrangian(q, v):
+        turning = sum((R[0, i] * v[i] + cos(q[a]) * v[a]) ** 2 for i in range(n))
+        turning = turning + sum((v[i] + R[1, i] * sin(q[i]) * v[a]) ** 2 for i in range(a))
+        return turning / 2 - sum(R[2, i] * cos(q[i]) for i in range(n)) + 0.3 * q[0] * v[1]
+
+    rows = (
+        lambda q, v: v[0] * sin(q[a]) - v[1] * cos(q[a]) + R[3, 0] * v[a],
+        lambda q, v: v[0] - R[3, 1] * v[a] * cos(q[a]),
+        lambda q, v: q[0] ** 2 + q[1] ** 2 + sin(q[a]) - 1.5,
+        lambda q, v: v[0] * cos(q[a]) * cos(q[0]) + v[a] * sin(q[a]) * cos(q[0]) + v[1] * sin(q[0]),
+        lambda q, v: 2 * v[1] * cos(q[0]) + 2 * v[a] * sin(q[0]) - 0.3 * q[1],
+    )
+    chosen = [rows[k] for k in rng.permutation(5)[: rng.integers(1, n - 1)]]
+
+    def constraints(q, v):
+        return [row(q, v) for row in chosen]
+
+    def forces(q, v):
+        return [-0.1 * v[i] + 0.05 * q[i] * v[i - 1] for i in range(n)]
+
+    names = " ".join(f"q{i}" for i in range(n))
+    field = Field.from_lagrangian(lagrangian, names, constraints=constraints, forces=forces)
+    x0 = field.mechanics.projected(0.5 * rng.normal(size=2 * n))
+    assert_principle(field, lagrangian, x0, constraints, forces, time=None)
+    change = field.mechanics.residuals(x0 + 1e-4 * np.outer([1, -1], field(x0)))
+    assert_allclose(change[0], change[1], atol=1e-9)  # rates keep the constraints

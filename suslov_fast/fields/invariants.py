@@ -17,6 +17,7 @@ from .equations import Equations
 from .layout import Layout
 from .mechanics import Mechanics
 from .proofs import changes_of
+from .samples import random_states
 from .tolerances import SAMPLES_OF_FAMILY, SAMPLES_OF_MEMBER
 from .tracer import Tracer
 from .user_function import UserFunction
@@ -67,8 +68,7 @@ def check(field: Any) -> None:
     if changes is None or not members:
         return
     count = max(4, min(SAMPLES_OF_MEMBER, SAMPLES_OF_FAMILY // members))
-    x = np.random.default_rng(3).normal(size=(count, *(1,) * len(shape), D))
-    x *= 10.0 ** np.linspace(-1.0, 0.3, count).reshape(count, *(1,) * (len(shape) + 1))
+    x = random_states(D, count, 0.3).T.reshape(count, *(1,) * len(shape), D)
     if "residuals" in field._quantities:
         x = Mechanics(field).near(np.broadcast_to(x, (count, *shape, D)))
     given = field._inputs

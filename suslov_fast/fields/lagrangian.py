@@ -20,12 +20,12 @@ import numpy as np
 
 from ..checks import short, wrong
 from ..core.expressions.derivative import gradients
-from ..core.expressions.numpy_evaluation import evaluate
 from ..core.expressions.programs import program_of
-from .mass import Samples, is_zero, less, product_of, solved, sum_of
+from .mass import is_zero, less, product_of, solved, sum_of
 from .names import variables, with_time
+from .samples import Samples
 from .symbols import Symbol, Symbols
-from .tolerances import ENTRIES_OF_ROW, LEAST_EIGENVALUE_OF_MASS, SAMPLES_OF_MASS
+from .tolerances import ENTRIES_OF_ROW, LEAST_EIGENVALUE_OF_MASS
 from .tracer import Tracer
 from .trigonometry import shorter
 from .user_function import UserFunction
@@ -342,28 +342,11 @@ def _weight(tracer: Tracer, M: Any, A: Any, parameters: Mapping[str, Any]) -> tu
     """Return if M + w A^T A is positive definite at random states, and w."""
     if not len(M):  # constraints have determined all velocities
         return True, 0.0
-    numbers = np.random.default_rng(1).normal(size=(tracer.D, SAMPLES_OF_MASS))
-    numbers *= 10.0 ** np.linspace(-1.0, 0.5, SAMPLES_OF_MASS)
-    given = [
-        np.full(SAMPLES_OF_MASS, float(np.ravel(np.asarray(a, float))[0]))
-        for a in parameters.values()
-    ]
-    matrices = [[tracer.number(a) for a in matrix.ravel()] for matrix in (M, A)]
-    values: dict[Any, Any] = dict(enumerate([*numbers, *given]))
-    with np.errstate(all="ignore"):
-        evaluate(tracer.values.operations, values)
-    found = []
-    for matrix, operands in zip((M, A), matrices, strict=True):
-        rows = [
-            np.broadcast_to(a if isinstance(a, float) else values[a], SAMPLES_OF_MASS)
-            for a in operands
-        ]
-        found.append(
-            np.reshape(rows, (*matrix.shape, SAMPLES_OF_MASS)).astype(float).transpose(2, 0, 1)
-        )
+    samples = Samples(tracer, parameters)
+    found = [samples.matrices(matrix) for matrix in (M, A)]
     finite = np.all([np.isfinite(each).all((1, 2)) for each in found], axis=0)
     inertia, squares = found[0][finite], (found[1].transpose(0, 2, 1) @ found[1])[finite]
-    has_numbers = all(isinstance(a, float) for a in matrices[0])
+    has_numbers = all(isinstance(tracer.number(a), float) for a in M.ravel())
     if not len(A) or not len(inertia) or (has_numbers and _is_definite(inertia)):
         return len(inertia) > 0 and _is_definite(inertia), 0.0
     with np.errstate(all="ignore"):

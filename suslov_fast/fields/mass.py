@@ -16,16 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checks import real_array, short, wrong
-from ..core.expressions.numpy_evaluation import evaluate
 from .complex_symbols import parts_of_number
+from .samples import Samples
 from .symbols import Symbol
-from .tolerances import (
-    LEAST_CONDITION,
-    MOST_EQUATIONS_OF_CRAMER,
-    PART_OF_CANCELLED_SAMPLES,
-    ROUNDING_OF_DIFFERENCE,
-    SAMPLES_OF_DIFFERENCE,
-)
+from .tolerances import LEAST_CONDITION, MOST_EQUATIONS_OF_CRAMER
 
 if TYPE_CHECKING:
     from .tracer import Tracer
@@ -111,45 +105,6 @@ def sum_of(products: Iterable[tuple[Any, Any]]) -> Any:
     return total
 
 
-class Samples:
-    """The values of formulas at random states, to test if one is 0 or changes its sign."""
-
-    def __init__(self, tracer: Tracer) -> None:
-        numbers = np.random.default_rng(0).normal(size=(len(tracer.names), SAMPLES_OF_DIFFERENCE))
-        self._expressions, self._done = tracer.values, 0
-        self._values = dict(
-            enumerate(numbers * 10.0 ** np.linspace(-1.0, 1.0, SAMPLES_OF_DIFFERENCE))
-        )
-
-    def is_zero(self, a: Any) -> bool:
-        """Return True if a formula is 0, or a difference of equal terms at nearly all states."""
-        if not isinstance(a, Symbol):
-            return is_zero(a)
-        instruction, operands = self._expressions.of.get(a.operand, ("", ()))
-        if instruction not in ("fadd", "fsub"):
-            return False
-        difference = abs(self._at(a.operand))
-        with np.errstate(all="ignore"):
-            terms = sum(abs(self._at(each)) for each in operands)
-            is_small = (difference <= ROUNDING_OF_DIFFERENCE * terms)[np.isfinite(difference)]
-        return bool(len(is_small) and is_small.mean() >= PART_OF_CANCELLED_SAMPLES)
-
-    def changes_sign(self, a: Any) -> bool:
-        """Return True if a formula is above 0 at some states, and below 0 at others."""
-        values = self._at(a.operand if isinstance(a, Symbol) else a)
-        return bool((values > 0.0).any() and (values < 0.0).any())
-
-    def _at(self, operand: Any) -> Any:
-        """Return the values of an operand at all states."""
-        if isinstance(operand, float):
-            return np.array(operand)
-        operations = self._expressions.operations
-        with np.errstate(all="ignore"):
-            evaluate(operations[self._done :], self._values)
-        self._done = len(operations)
-        return np.asarray(self._values[operand])
-
-
 def solved(
     a: list[list[Any]],
     b: list[Any],
@@ -167,7 +122,7 @@ def solved(
     rows, columns = [*range(D)], [*range(D)]
     steps, x = [], [0.0] * D
     while rows:
-        i, j = _pivot(a, rows, columns, is_symmetric, samples.is_zero, first)
+        i, j = _pivot(a, rows, columns, is_symmetric, samples.looks_zero, first)
         is_safe = is_definite and is_symmetric and i == j
         if len(rows) <= MOST_EQUATIONS_OF_CRAMER and not is_safe and samples.changes_sign(a[i][j]):
             for j, value in zip(columns, _by_cramer(a, b, rows, columns, samples), strict=True):
@@ -211,7 +166,7 @@ def _by_cramer(
         return 0.0 if samples.is_zero(total) else total
 
     determinant = minor((*rows,), (*columns,))
-    if is_zero(determinant):
+    if samples.looks_zero(determinant):
         raise _singular()
     places = [(len(b), *columns[:k], *columns[k + 1 :]) for k in range(len(columns))]
     signed = ((-1.0) ** k * minor((*rows,), place) for k, place in enumerate(places))

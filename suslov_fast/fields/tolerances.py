@@ -30,7 +30,6 @@ LARGEST_POWER = 12  # the largest exponent of a power that is multiplied out
 SAMPLES_OF_MEMBER, SAMPLES_OF_FAMILY = 24, 2**18
 
 # --------------------------------------------------------------------------------------- lagrangian
-SAMPLES_OF_MASS = 24  # random states at which M is tested
 LEAST_EIGENVALUE_OF_MASS = 1e-13  # least eigenvalue of a positive definite M with 1 on its diagonal
 ENTRIES_OF_ROW = 12  # in rows of constraints with more entries, sines and cosines are not sought
 

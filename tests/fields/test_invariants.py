@@ -169,3 +169,15 @@ def test_subsystems_keep_what_belongs_to_them():
     assert str(points.subsystem("z vz")) == "Field(z' = vz, vz' = 0)"
     with pytest.warns(UserWarning, match="has no constraints"):
         points.subsystem("x y vx vy")
+
+
+def test_rates_that_are_the_first_variable():
+    """dI/dt is x[0] itself."""
+    field = Field(lambda x: (-0.5 * x[0], x[0]), "a b")
+    with pytest.raises(ValueError, match="function 0 changes along the motion"):
+        field.conserving(lambda x: x[1])
+    kept = field.conserving(lambda x: 2 * x[0] + x[1])
+    assert changes_of(kept) is None
+    np.testing.assert_allclose(
+        flow(kept, [1.0, 0.0], time=5.0).final, [np.exp(-2.5), 2 - 2 * np.exp(-2.5)]
+    )

@@ -71,6 +71,21 @@ def test_families_by_parameters_of_both_functions():
     np.testing.assert_array_equal(plain([2.0]), [[-2.0], [-1.0]])
 
 
+def test_terms_that_cancel_at_most_states():
+    """In Cramer's rule x1 x3 - x3 x1 is the first numerator, unless x0 is large."""
+
+    def right(x):
+        return np.where(x[0] > 50, 2, 1) * x[1], x[3], 0 * x[0], 0 * x[0]
+
+    def mass(x):
+        return [[x[0], x[1], 0, 0], [x[2], x[3], 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+    field = Field(right, 4, mass=mass)
+    np.testing.assert_allclose(field([40.0, 1.0, 2.0, 3.0]), [0, 1, 0, 0], atol=1e-15)
+    x = np.array([60.0, 1.0, 2.0, 3.0])
+    np.testing.assert_allclose(field(x), np.linalg.solve(mass(x), right(x)), rtol=1e-14)
+
+
 def test_matrices_of_numbers_and_those_that_are_not_symmetric():
     M = np.array([[2.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 1.0]])
     f = lambda s: (-s[0], np.sin(s[2]) - s[1], 1.0)  # noqa: E731

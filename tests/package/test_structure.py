@@ -244,7 +244,6 @@ BESIDE_FORMULAS = {
     "core/flow/memory": "BEGINS UNKEPT",
     "core/hybrid/double_crossings": "MIDDLE",
     "core/maps/dense": "LANES",
-    "core/maps/driver": "WIDTH",
     "core/maps/superlu": "SPLITTER",
     "core/hybrid/event_formulas": "GAP OF_SURFACE",
     "fields/equation_text": "_CALL _UNARY",

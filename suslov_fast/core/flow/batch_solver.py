@@ -10,6 +10,7 @@ import numpy as np
 
 from ..cached import cached_property
 from ..llvm.compiler import address_of, compiled
+from ..llvm.tolerances import WIDTH
 from ..maps.packs import zeros
 from ..numba.threads import in_parts
 from .allowed_errors import floors_of
@@ -30,7 +31,6 @@ from .tolerances import (
     ROUNDS_OF_WIDE,
     SPENT_BEFORE_WIDE,
     TRAJECTORIES_OF_THREAD,
-    WIDTH,
     WORK_WITHOUT_PAUSE,
 )
 

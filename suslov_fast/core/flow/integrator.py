@@ -8,10 +8,11 @@ from ..expressions.programs import program_of
 from ..hybrid.double_crossings import POINTS, DoubleCrossings
 from ..hybrid.event_formulas import read_by
 from ..llvm.compiler import numbers_in_register
+from ..llvm.tolerances import WIDTH
 from . import vector_functions
 from .code_arguments import ComponentNumbers, SharedNumbers
 from .memory import LaneState, rows_of_trajectory, rows_of_work, scalars_of
-from .tolerances import MOST_ROWS_OF_WIDE, WIDTH
+from .tolerances import MOST_ROWS_OF_WIDE
 from .vector_functions import ProgramFunction
 
 

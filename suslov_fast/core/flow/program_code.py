@@ -10,7 +10,7 @@ import numpy as np
 from ..expressions.programs import Program
 from ..llvm.compiler import address_of, compiled
 from ..llvm.text import Code, Index, Integers
-from .tolerances import WIDTH
+from ..llvm.tolerances import WIDTH
 from .vector_functions import ProgramFunction
 
 TABLE = "table"

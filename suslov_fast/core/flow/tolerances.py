@@ -27,7 +27,6 @@ FLOOR_OF_CLOSE_IMPLICIT = 2.0**-5
 NOISE_OF_STEP = 2.0**-48  # an error may be noise if it is less than this of the largest component
 
 # -------------------------------------------------------------------------------- batch_solver
-WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
 # A step waits for results more than it computes. So if a register holds WIDTH lanes, lanes in two
 # of them, or in four if f calls functions, take .75 to .9 of the time: with so few rows of the
 # workspace that it stays in the fastest cache, and so many trajectories for each lane. LLVM takes

@@ -1,5 +1,7 @@
 """Numbers that decide about machine code: how loops are written, and how much of it is kept."""
 
+WIDTH = 8  # trajectories side by side in SIMD lanes; a single one is computed alone
+
 # ------------------------------------------------------------------------------------ compiler
 # Codes that need not last are dropped when their texts reach MOST_TEXT in all: some 250 MB
 # of memory. Each counts as LEAST_TEXT at least, because it takes two memory mappings; Linux grants

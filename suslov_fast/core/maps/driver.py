@@ -13,7 +13,6 @@ from ..llvm.tolerances import WRITTEN_OUT
 from ..numba.status_codes import CHANGED, NONFINITE
 from .stage_code import Stage, loader
 
-WIDTH = 8  # lanes of a line, which is a SIMD pack
 NOT_READY, DONE = range(2)  # what the code of `text_of_steps` returns
 
 

@@ -22,10 +22,11 @@ import numpy as np
 from numba import config
 
 from ..llvm.compiler import address_of, call, code_of
+from ..llvm.tolerances import WIDTH
 from ..numba.decorators import Kernel, calling_python
 from ..numba.threads import in_parts
 from .dense import take_dense
-from .driver import NOT_READY, SLOT, WIDTH, DriverArguments, text_of_steps
+from .driver import NOT_READY, SLOT, DriverArguments, text_of_steps
 from .kahan_step import Step
 from .packs import in_lines, note_undefined, packed, plan_of, tables_of
 from .pivoting import ENDED, PASSED, arguments_of, pivoting_step

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from ..checks import one_number, warn, wrong
-from ..core.expressions.programs import folded, program_of
+from ..core.expressions.programs import emitted_with_zeros, folded, is_zero, program_of
 from .equations import Equations, depends
 from .identities import is_independent
 from .layout import Layout
@@ -71,18 +72,11 @@ def _emitted(values: Any, operations: Any, operands: Any, new: dict[Any, Any]) -
 
 def _simple(values: Any, name: str, of: list[Any]) -> Any:
     """Emit an operation, without products and sums of 0."""
-    zeros = [isinstance(a, float) and a == 0.0 for a in of]
-    if name == "fdiv" and zeros[1]:
+    if name == "fdiv" and is_zero(of[1]):
         raise ValueError("names: the rates have no value where the other variables are 0")
-    if (name == "fmul" and any(zeros)) or (name == "fdiv" and zeros[0]):
+    if name == "fdiv" and is_zero(of[0]):
         return 0.0
-    if name in ("fadd", "fsub") and zeros[1]:
-        return of[0]
-    if name == "fadd" and zeros[0]:
-        return of[1]
-    if name == "fsub" and zeros[0]:
-        return values.emit("fmul", -1.0, of[1])
-    result = folded(values.emit, name, of)
+    result = emitted_with_zeros(partial(folded, values.emit), name, of)
     if isinstance(result, float) and not math.isfinite(result):
         raise ValueError("names: the rates have no value where the other variables are 0")
     return result

@@ -12,7 +12,13 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from ..core.expressions.programs import depending, needed_for, program_of, renamed
+from ..core.expressions.programs import (
+    depending,
+    emitted_with_zeros,
+    needed_for,
+    program_of,
+    renamed,
+)
 from .tolerances import MOST_MONOMIALS, ROUNDING_OF_COEFFICIENT
 
 Monomial = tuple[tuple[int, int], ...]  # (operand, power), sorted
@@ -58,7 +64,7 @@ class _Formulas:
         for name, number, of in program.operations:
             new[number] = number
             if number in self.moving:
-                new[number] = _with_zeros(values, name, *renamed(of, new))
+                new[number] = emitted_with_zeros(values.emit, name, [*renamed(of, new)])
         self.at_rest = dict(zip(operands, renamed(operands, new), strict=True))
 
     def collected(self, operand: Any) -> Any:
@@ -150,20 +156,6 @@ class _Formulas:
         for a in operands[1:]:
             total = self.values.emit("fadd", total, a)
         return total
-
-
-def _with_zeros(values: Any, name: str, *of: Any) -> Any:
-    """Emit an operation; products with 0 are 0, and sums with 0 are the other operand."""
-    zeros = [isinstance(a, float) and a == 0.0 for a in of]
-    if name == "fmul" and any(zeros):
-        return 0.0
-    if name in ("fadd", "fsub") and zeros[1]:
-        return of[0]
-    if name == "fadd" and zeros[0]:
-        return of[1]
-    if name == "fsub" and zeros[0]:
-        return values.emit("fmul", -1.0, of[1])
-    return values.emit(name, *of)
 
 
 def _sum(a: Polynomial, b: Polynomial, sign: int) -> Polynomial:

@@ -25,6 +25,7 @@ from .events import actions_of, batch_of, checked_events, clocked, event_times_o
 from .integration import threads_for
 from .kept_integrals import warn_of_unkept
 from .tangents import exponents_of
+from .warnings_of_motions import causes_of, warn_of_ends
 
 _SLIDING = {
     Status.SLIDING: (
@@ -149,8 +150,8 @@ def lyapunov_exponents(
         request = SolverRequest(np.array([time]), 1, settings, count, report, event_times)
         exponents, ends = exponents_of(body._field, x, batch, request, before, actions)
     warn_of_unkept(ends.all_ends, batch, since=body._layout.times(x))
-    causes = {**motion_arguments.causes_of(body), **_SLIDING}
-    motion_arguments.warn_of_ends(ends, x, batch, causes=causes)
+    causes = {**causes_of(body), **_SLIDING}
+    warn_of_ends(ends, x, batch, causes=causes)
     return exponents.reshape(*batch, exponents.shape[1])
 
 

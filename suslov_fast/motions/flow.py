@@ -26,11 +26,10 @@ from .motion_arguments import (
     checked_starts,
     request_of,
     system_of,
-    warn_of_event_times,
-    warn_of_times,
 )
 from .solution import solution
 from .tolerances import FEW_MOTIONS
+from .warnings_of_motions import warn_of_event_times, warn_of_times
 
 
 @public

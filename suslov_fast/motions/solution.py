@@ -16,7 +16,7 @@ from ..fields.field import Field
 from ..fields.right_hand_sides import with_events
 from ..maps.map_records import map_of
 from ..maps.problem import Problem
-from . import motion_arguments
+from . import warnings_of_motions
 from .event import Event
 from .events import actions_of, event_times_of, starts_at_rest
 from .integration import SolverResult, empty_result, to_tolerance
@@ -46,9 +46,9 @@ def solution(
                 # The engine may report less: it counts equal times once, no states after an end.
                 report(total)
     if result.ends is not None:
-        causes = motion_arguments.causes_of(system)
-        motion_arguments.warn_of_ends(result, x, batch, request.settings.atol, causes)
-        motion_arguments.warn_of_lost_components(system, result, batch)
+        causes = warnings_of_motions.causes_of(system)
+        warnings_of_motions.warn_of_ends(result, x, batch, request.settings.atol, causes)
+        warnings_of_motions.warn_of_lost_components(system, result, batch)
         warn_of_unkept(result.ends, batch, request.sign, system._layout.times(x))
     return result, phases
 

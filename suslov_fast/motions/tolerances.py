@@ -8,7 +8,7 @@ LEAST_BOUNCE = 2.0**-20
 NEWTON_STEPS_TO_CONSTRAINTS_OF_ACTIONS = 6
 SAMPLES_OF_ACTION = 16  # random states that tell bounces from other actions
 
-# --------------------------------------------------------------------------------------- equilibria
+# -------------------------------------------------------------------------------- equations_at_rest
 # The most Newton steps, and the most damped Newton steps.
 MOST_NEWTON_STEPS, MOST_DAMPED_STEPS = 30, 60
 # The largest ratio of a step to the step before; above it Newton's method ends.
@@ -18,24 +18,26 @@ LONGEST_NEWTON_STEP = 2.0  # the largest ratio of a step to the state; above it 
 # is a step that does not shrink by the factor SHRINKING_OF_STEPS after a step below
 # SHORT_NEWTON_STEP.
 LAST_NEWTON_STEP, SHORT_NEWTON_STEP = 1e-14, 1e-8
-# `sizes` in `_Equations` are at least this part of the largest component.
+# `sizes` in `EquationsAtRest` are at least this part of the largest component.
 LEAST_SIZE_OF_COMPONENT = 1e-6
 ZERO_OF_RANK = 1e-12  # singular values up to this part of the largest one count as 0
 # f' is singular up to this ratio of its smallest to its largest singular value.
 SINGULAR_SLOPES = 1e-8
 # Newton's method leads back to a regular equilibrium from this relative displacement.
 DISPLACEMENT_OF_PROBE = 1e-6
-# The most starts for which the text of the result counts different states.
-MOST_STARTS_COUNTED = 10_000
-NEUTRAL_RATE = 2.0**-48  # rates of growth up to this part of the largest entry of f' count as 0
-# The same where f' is singular: double eigenvalues 0 have half of the digits.
-NEUTRAL_RATE_IF_SINGULAR = 2.0**-20
 # The steps to a member of a family: their number, the displacement from a member, relative, from
 # which they lead back, and the largest residual at their end, in units of the states.
 MOST_STEPS_TO_FAMILY, DISPLACEMENT_FROM_FAMILY, RESIDUAL_ON_FAMILY = 12, 2.0**-10, 2.0**-46
 # Singular values of a projection are 0 or 1, up to the curvature of the family.
 ZERO_OF_PROJECTION = 2.0**-5
-ZERO_AT_MULTIPLE_ROOT = 1e-15  # largest |f| at a multiple root, divided by `_Equations.terms`
+ZERO_AT_MULTIPLE_ROOT = 1e-15  # largest |f| at a multiple root, divided by `EquationsAtRest.terms`
+
+# --------------------------------------------------------------------------------------- equilibria
+# The most starts for which the text of the result counts different states.
+MOST_STARTS_COUNTED = 10_000
+NEUTRAL_RATE = 2.0**-48  # rates of growth up to this part of the largest entry of f' count as 0
+# The same where f' is singular: double eigenvalues 0 have half of the digits.
+NEUTRAL_RATE_IF_SINGULAR = 2.0**-20
 
 # ------------------------------------------------------------------------------------------- events
 # `starts_at_rest` evaluates a surface function s before and after x0, at DISTANCE_FROM_START times

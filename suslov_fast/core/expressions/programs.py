@@ -188,6 +188,24 @@ def folded(emit, name, of):
     return other if known == (name == "and") else known
 
 
+def is_zero(operand):
+    """Return True if an operand is the constant 0."""
+    return isinstance(operand, float) and operand == 0.0
+
+
+def emitted_with_zeros(emit, name, of):
+    """Emit an operation; products with 0 are 0, and sums with 0 are the other operand."""
+    if name == "fmul" and any(map(is_zero, of)):
+        return 0.0
+    if name in ("fadd", "fsub") and is_zero(of[1]):
+        return of[0]
+    if name == "fadd" and is_zero(of[0]):
+        return of[1]
+    if name == "fsub" and is_zero(of[0]):
+        return emit("fmul", -1.0, of[1])
+    return emit(name, *of)
+
+
 def in_order(values, results, more=0):
     """Return a copy of `Expressions` without needless operations, and the results in the copy.
 

@@ -90,15 +90,9 @@ def rows_of_trajectory(integrator):
 
 def rows_of_work(integrator):
     """Return the first row of each part of a step's workspace, and their number, `size`."""
-    f, of_x, of_surfaces = integrator.f, integrator.f.of_x, integrator.D_of_surfaces
-    D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
-    extended, surfaces = D + len(f.denominators), integrator.event_surface_count
-    invariants, tested = of_x.invariants_count, len(of_x.tested)
-    has_integrals = int(bool(of_x.left_out))
-    sought = integrator.events.modes[1] if acts and integrator.events.modes else 0
+    f, of_x, in_lanes = integrator.f, integrator.f.of_x, integrator.rule.lanes
+    D, acts, extended = f.D, int(f.hybrid.acts), f.D + len(f.denominators)
     of_ends = len(integrator.rule.columns) * D
-    has_slopes = f.hybrid.jumps and f.columns
-    in_lanes = integrator.rule.lanes
     return _first_rows(
         line=integrator.rows.size,  # rows of the trajectories, see `rows_of_trajectory`
         own=1,  # 1 + the number of a lane's trajectory, an integer; 0 if it has none
@@ -126,54 +120,91 @@ def rows_of_work(integrator):
         at_surface=1,  # 1 where the step ends on a surface, or just before it, else 0
         f_ends=1,  # 1 where f has no value beyond the surface at the end of the step, else 0
         jumped=1,  # 1 where f may have jumped at the end of the step
-        # Values of surfaces at the start and at POINTS, then inputs of `double_crossings`.
-        points=integrator.at_points + of_surfaces + 1,
-        point=of_surfaces,  # the state at one of the POINTS
-        quartic=of_x.D if of_surfaces else 0,  # terms of degree 4 of states in a step (`QUARTIC`)
-        # Inputs of `rates`: the state at a point, its change in a step, rtol.
-        moving=2 * of_surfaces + 1,
-        decision=3,  # results of `DoubleCrossings.decision`
-        # Inputs of `aim`: the next state, f there, sides of events.
-        end=2 * (of_surfaces + surfaces),
-        aim=3,  # results of `step_to_surface.aim_of`
-        between=2 * integrator.surface_count,  # inputs of `watch`: values of surfaces at two points
-        sides=2 * surfaces,  # a copy of the row `side`, which `watch` reads behind `between`
-        crossings=len(f.hybrid.watch.results) if of_surfaces else 0,  # results of `watch`
-        changed=acts * D,  # results of functions of events
-        before=acts * D,  # the state before an action
-        f_before=acts * D,  # f before an action
-        pair=acts * (4 * of_x.D + 1),  # inputs of functions of events: states, rates, and `tau`
-        toward=OF_SURFACE * surfaces,  # numbers of each surface of events at the next state
-        ahead=OF_SURFACE * surfaces,  # numbers of each surface of events a moment after the step
-        fired=surfaces,  # 1 if an event has acted after a crossing upward, -1 downward, else 0
-        near=surfaces,  # the |s| up to which a state is on the surface s = 0
-        rate_before=surfaces,  # ds/dt before the event at s = 0 acts
-        actions_now=acts,  # number of actions at surfaces at this instant
-        trying=bool(sought) * of_x.D,  # a state with modes that `mode_search` tries
-        tried=bool(sought) * (3 * sought + 1),  # results of the part `search` of `EventSet`
-        only=sought,  # consistent modes that `mode_search` has found
-        chooses=chooses,  # 1 where branches of f are to be chosen at the state `new`
-        chosen=len(of_x.hybrid.branch_program.results) if chooses else 0,  # results of `branches`
-        # Values of f's table that depend on branches.
-        derived=len(of_x.hybrid.derived.results) if chooses else 0,
-        f_old=chooses * of_x.D,  # f before a jump
-        slopes=len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
-        gradient=of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
+        **_rows_of_surfaces(integrator),
+        **_rows_of_events(integrator),
+        **_rows_of_branches(f),
         tau=acts * D // of_x.D,  # how much earlier solutions along a column reach the event
-        # Inputs of `project`: the state, allowed errors, and levels; of `regular` also x.
-        projecting=bool(invariants) * 3 * of_x.D + invariants,
-        # The state after a projection, 1 where an integral was far from its level, and I - c.
-        projected=bool(invariants) * of_x.D + has_integrals + tested,
-        left_out=has_integrals,  # 1 where an integral is still far from its level, else 0
-        changing=bool(tested) * (of_x.D + 1 + tested),  # inputs of `changes`
-        changes=int(bool(tested)),  # 1 + the number of an integral that changes along f, else 0
-        invariants=invariants,  # values of invariants
+        **_rows_of_invariants(of_x),
         # States and rates, see `gragg.in_lanes`.
         lanes=in_lanes * (2 * D + extended) * bool(f.products),
         **integrator.rule.rows(),
         scratch=max(each.scratch for each in integrator.functions.values())
         * (in_lanes if f.products else 1),
     )
+
+
+def _rows_of_surfaces(integrator):
+    """Return the numbers of rows by which `events.location` finds crossings, by name."""
+    f, of_surfaces = integrator.f, integrator.D_of_surfaces
+    surfaces = integrator.event_surface_count
+    return {
+        # Values of surfaces at the start and at POINTS, then inputs of `double_crossings`.
+        "points": integrator.at_points + of_surfaces + 1,
+        "point": of_surfaces,  # the state at one of the POINTS
+        # Terms of degree 4 of states in a step (`QUARTIC`).
+        "quartic": f.of_x.D if of_surfaces else 0,
+        # Inputs of `rates`: the state at a point, its change in a step, rtol.
+        "moving": 2 * of_surfaces + 1,
+        "decision": 3,  # results of `DoubleCrossings.decision`
+        # Inputs of `aim`: the next state, f there, sides of events.
+        "end": 2 * (of_surfaces + surfaces),
+        "aim": 3,  # results of `step_to_surface.aim_of`
+        # Inputs of `watch`: values of surfaces at two points.
+        "between": 2 * integrator.surface_count,
+        "sides": 2 * surfaces,  # a copy of the row `side`, which `watch` reads behind `between`
+        "crossings": len(f.hybrid.watch.results) if of_surfaces else 0,  # results of `watch`
+    }
+
+
+def _rows_of_events(integrator):
+    """Return the numbers of rows of `events.actions`, by name."""
+    f, of_x, surfaces = integrator.f, integrator.f.of_x, integrator.event_surface_count
+    D, acts = f.D, int(f.hybrid.acts)
+    sought = integrator.events.modes[1] if acts and integrator.events.modes else 0
+    return {
+        "changed": acts * D,  # results of functions of events
+        "before": acts * D,  # the state before an action
+        "f_before": acts * D,  # f before an action
+        "pair": acts * (4 * of_x.D + 1),  # inputs of functions of events: states, rates, and `tau`
+        "toward": OF_SURFACE * surfaces,  # numbers of each surface of events at the next state
+        "ahead": OF_SURFACE * surfaces,  # numbers of each surface of events a moment after the step
+        "fired": surfaces,  # 1 if an event has acted after a crossing upward, -1 downward, else 0
+        "near": surfaces,  # the |s| up to which a state is on the surface s = 0
+        "rate_before": surfaces,  # ds/dt before the event at s = 0 acts
+        "actions_now": acts,  # number of actions at surfaces at this instant
+        "trying": bool(sought) * of_x.D,  # a state with modes that `mode_search` tries
+        "tried": bool(sought) * (3 * sought + 1),  # results of the part `search` of `EventSet`
+        "only": sought,  # consistent modes that `mode_search` has found
+    }
+
+
+def _rows_of_branches(f):
+    """Return the numbers of rows of `events.branch_choice`, by name."""
+    of_x, chooses, has_slopes = f.of_x, int(f.hybrid.chooses), f.hybrid.jumps and f.columns
+    return {
+        "chooses": chooses,  # 1 where branches of f are to be chosen at the state `new`
+        # Results of `branches`, and values of f's table that depend on branches.
+        "chosen": len(of_x.hybrid.branch_program.results) if chooses else 0,
+        "derived": len(of_x.hybrid.derived.results) if chooses else 0,
+        "f_old": chooses * of_x.D,  # f before a jump
+        "slopes": len(of_x.slope_places) if has_slopes else 0,  # slopes of surfaces where f jumps
+        "gradient": of_x.D + f.q if has_slopes else 0,  # gradient of the surface where f jumps
+    }
+
+
+def _rows_of_invariants(f):
+    """Return the numbers of rows of `projection`, by name."""
+    invariants, tested, has_integrals = f.invariants_count, len(f.tested), int(bool(f.left_out))
+    return {
+        # Inputs of `project`: the state, allowed errors, and levels; of `regular` also x.
+        "projecting": bool(invariants) * 3 * f.D + invariants,
+        # The state after a projection, 1 where an integral was far from its level, and I - c.
+        "projected": bool(invariants) * f.D + has_integrals + tested,
+        "left_out": has_integrals,  # 1 where an integral is still far from its level, else 0
+        "changing": bool(tested) * (f.D + 1 + tested),  # inputs of `changes`
+        "changes": int(bool(tested)),  # 1 + the number of an integral that changes along f, else 0
+        "invariants": invariants,  # values of invariants
+    }
 
 
 def _first_rows(**sizes):

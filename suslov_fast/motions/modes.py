@@ -26,7 +26,7 @@ from ..status import Status
 from .actions_on_constraints import action_of
 from .event import traced
 from .events import actions_of
-from .extension import Extension, extended, with_atol
+from .extension import Extension, divided, extended, with_atol
 from .integration import SolverResult
 from .phases import rows_of
 from .sensitivities import with_derivatives
@@ -118,7 +118,7 @@ class Sliding:
             size = self.system._layout.size
             others = slice(size, self.starts.shape[1]) if "x0" in names else ()  # time, modes
             kept = np.delete(np.arange(part.derivatives.shape[-1]), others)
-            states, derivatives = part.states[..., :D], part.derivatives[..., :D, kept]
+            states, derivatives = divided(part.states, D)[0], part.derivatives[..., :D, kept]
             part = part._replace(states=states, derivatives=derivatives)
         else:
             groups = with_events(field, self.actions)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from ..checks import one_number, warn, wrong
@@ -76,7 +75,7 @@ def _simple(values: Any, name: str, of: list[Any]) -> Any:
         raise ValueError("names: the rates have no value where the other variables are 0")
     if name == "fdiv" and is_zero(of[0]):
         return 0.0
-    result = emitted_with_zeros(partial(folded, values.emit), name, of)
+    result = emitted_with_zeros(lambda name, *of: folded(values.emit, name, of), name, of)
     if isinstance(result, float) and not math.isfinite(result):
         raise ValueError("names: the rates have no value where the other variables are 0")
     return result

@@ -104,14 +104,18 @@ class RightHandSide:
         entries = [at_invariants[k][j] for k, j in self.invariants_places]
         self.invariants = program_of([*of_invariants, *entries])
         self.levels = program_of([*[0.0] * constraints, *of_invariants[constraints:]])
+        self._plan_table(values, table)
+
+    def _plan_table(self, values, first):
+        """Set `table`, which begins with the numbers `first`, `places`, and `fixed`."""
         programs = self.rates, self.derivative, self.surface_values, self.of_parameters, self.slopes
-        programs += (self.invariants,) * bool(of_invariants)
+        programs += (self.invariants,) * bool(self.invariants_count)
         used = [a for each in programs for _, _, of in each.operations for a in of]
         used += [a for each in programs for a in each.results] + [self.longest]
-        used = [*table, *(a for a in used if type(a) is int and a in fixed)]
+        used = [*first, *(a for a in used if type(a) is int and a in values.fixed)]
         self.table = [*dict.fromkeys(used)]
         self.places = {number: place for place, number in enumerate(self.table)}
-        both = fixed | values.fixed_truths
+        both = values.fixed | values.fixed_truths
         of_parameters = [operation for operation in values.operations if operation[1] in both]
         self.fixed = needed_for(of_parameters, self.table)
 

@@ -103,32 +103,32 @@ class UserFunction:
         if not (takes_time or missing or unknown) and _takes_state(self._others):
             return  # for speed
         signature = self.signature.replace(parameters=self._others)
+        if not takes_time and _fits(signature, parameters):
+            return
         if takes_time:
             how = "pass lambda x: ..." if self.role == "H" else OF_TIME
-        elif _fits(signature, parameters):
-            return
         elif any(each.kind is each.VAR_POSITIONAL for each in others):
             how = "parameters have names, as lambda x, a, b: ..., with a=1.0, b=2.0"
         elif unknown:
-            near = get_close_matches(unknown[0], known, 1, 0.6)
-            how = f"it has no parameter {unknown[0]!r}"
-            if near or known:
-                how += f", but {either(near or known)}"
-            elif len(unknown[0]) > 1 and (meant := answer(unknown[0])):  # a word, not a letter
-                how += f": use {meant}"
+            how = _of_unknown(unknown[0], known)
         elif missing:
-            values = ", ".join(f"{name}=1.0" for name in missing)
-            how = f"pass values of its parameters, as {values}"
-            if self.role == "f":
-                how = f"pass values of its parameters, Field(f, names, {values})"
-            if self.role == "f" and not self.has_time:
-                how += f"; if {missing[0]} is the time, name it t"
-            if len(missing) == len(names) - 1 and not self.has_time:
-                how += f", or lambda x: {self.role}(*x) if these are the variables"
+            how = self._of_missing(missing, len(names))
         else:
             how = "pass lambda x: ..."
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(self.role, expected, f"one of {signature}: {how}", TypeError)
+
+    def _of_missing(self, missing: Sequence[str], count: int) -> str:
+        """Return what to type in place of a call without values of parameters."""
+        values = ", ".join(f"{name}=1.0" for name in missing)
+        how = f"pass values of its parameters, as {values}"
+        if self.role == "f":
+            how = f"pass values of its parameters, Field(f, names, {values})"
+        if self.role == "f" and not self.has_time:
+            how += f"; if {missing[0]} is the time, name it t"
+        if len(missing) == count - 1 and not self.has_time:
+            how += f", or lambda x: {self.role}(*x) if these are the variables"
+        return how
 
     # ------------------------------------------------------------------------------ formulas
     def formulas(self, tracer: Tracer) -> list[Any]:
@@ -236,6 +236,16 @@ def check_callable(argument: str, f: Any) -> None:
         items = f if isinstance(f, list | tuple | dict) else [f]
         how = _OF_TEXT if any(isinstance(each, str) for each in items) else _OF_SYMPY
         raise wrong(argument, "a function of x", f"{short(f)}: {how}", TypeError)
+
+
+def _of_unknown(name: str, known: Sequence[str]) -> str:
+    """Return what to type in place of a parameter that a function does not have."""
+    near = get_close_matches(name, known, 1, 0.6)
+    how = f"it has no parameter {name!r}"
+    if near or known:
+        return f"{how}, but {either(near or known)}"
+    meant = answer(name) if len(name) > 1 else ""  # a word, not a letter
+    return f"{how}: use {meant}" if meant else how
 
 
 def _takes_state(arguments: Sequence[inspect.Parameter]) -> bool:

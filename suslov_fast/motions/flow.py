@@ -22,7 +22,6 @@ from .events import batch_of, checked_events, clocked
 from .motion import Motion
 from .motion_arguments import (
     checked_derivatives,
-    checked_settings,
     checked_starts,
     request_of,
     system_of,
@@ -151,8 +150,7 @@ def flow(
     body: Any = system_of(system, x0)
     names, acting = checked_derivatives(body, derivatives), checked_events(events)
     timed = clocked(body, acting) if acting else body
-    settings = checked_settings(timed, rtol, atol, max_step, stiff)
-    request = request_of(time, settings, threads)
+    request = request_of(timed, time, threads, rtol, atol, max_step, stiff)
     x, batch, t0 = checked_starts(timed, x0, batch_of(acting) if acting else (), t0)
     if timed._clocks:
         warn_of_times(timed, x, request, t0)

@@ -18,7 +18,7 @@ from ..results.schema import OF_EVENTS
 from ..status import Status, ended_in_words
 from .event import Event
 from .events import Derivatives, Events, clocked, events_of, events_of_records
-from .motion_arguments import checked_settings, request_of
+from .motion_arguments import request_of
 from .phases import Phases, phases_of
 from .solution import solution
 
@@ -147,15 +147,15 @@ class Motion(States):
         batch, times = self.status.shape, real_number("t", t)
         if np.ndim(times) > 1:
             raise wrong("t", "a number or a 1-D array", f"an array of shape {np.shape(times)}")
-        given = (getattr(self, name) for name in Settings._fields)
+        settings = [getattr(self, name) for name in Settings._fields]
         events = () if self.events is None else self.events._given
         system = clocked(self.body, events)
-        settings, layout = checked_settings(system, *given), system._layout
+        layout = system._layout
         asked, start = np.ravel(times), self._start.reshape(-1, layout.D)
         states = np.empty((len(asked), *self.states.shape[1:]), self.states.dtype)
         for part in (asked >= 0.0, asked < 0.0):
             if part.any():
-                request = request_of(asked[part], settings, None)
+                request = request_of(system, asked[part], None, *settings)
                 result, _ = solution(system, start, batch, request, None, self._by, events)
                 shape = len(result.states), *batch, result.states.shape[-1]
                 states[part] = layout.leave(result.states.reshape(shape))

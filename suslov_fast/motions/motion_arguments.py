@@ -28,6 +28,7 @@ RTOL = float("1e-9")
 # The defaults of arguments that only maps have, and of arguments that only motions have.
 _OF_MAPS = {"method": "auto"}
 _OF_MOTIONS = Settings(RTOL)._asdict() | {"events": (), "derivatives": ()}
+_ONE_TIME = {float, int}  # types of a time that is one number
 
 
 def either_map_or_motion(name: str, eps: Any, steps: Any, time: Any, **others: Any) -> bool:
@@ -116,16 +117,27 @@ def checked_derivatives(system: Any, derivatives: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def request_of(time: Any, settings: Settings, threads: int | None) -> SolverRequest:
-    """Return the request of `flow` for checked settings: `time` and `threads` are checked here."""
-    if threads is None and type(time) in (float, int) and time:
-        return _at_one_time(time, settings)  # for speed in small calls
+def request_of(
+    system: Any,
+    time: Any,
+    threads: int | None,
+    rtol: Any,
+    atol: Any = None,
+    max_step: Any = None,
+    stiff: Any = None,
+) -> SolverRequest:
+    """Return the request of a call of `flow` after checks; TypeError for a `Map`."""
+    is_plain = threads is atol is max_step is stiff is None and type(rtol) is float
+    if is_plain and type(time) in _ONE_TIME and time and system._has_eps:
+        return _at_one_time(time, rtol)  # for speed in small calls
+    settings = checked_settings(system, rtol, atol, max_step, stiff)
     times, sign = checked_times(time)
     return SolverRequest(times, sign, settings, thread_count(threads))
 
 
 @functools.lru_cache(64)
-def _at_one_time(time: float, settings: Settings) -> SolverRequest:
+def _at_one_time(time: float, rtol: float) -> SolverRequest:
+    settings = _of_rtol(rtol)
     times, sign = checked_times(time)
     return SolverRequest(times, sign, settings)
 

@@ -145,7 +145,7 @@ ROWS = [
     ("RUN.w", r"run\[.w.\]"),
     ("RUN.omega | RUN.x", r"run\.states"),
     ("RUN.finl", "final"),
-    ("RUN.extend(3)", r"run\.final"),
+    ("RUN.extend(3)", r"iterate\(system, run"),
     ("RUN.lyapunov_exponents", r"suslov_fast\.lyapunov_exponents"),
     ("OF_FAMILY.rho", r"run\.body\.parameters\['rho'\]"),
     ("OF_BODY.omega1", r"run\['Omega1'\]"),

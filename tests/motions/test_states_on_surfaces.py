@@ -261,7 +261,10 @@ FLAT = {
     "where": lambda s: np.where(s[0] < 0, s[0], 0.0),
     "cubed": lambda s: np.minimum(s[0], 0.0) ** 3,
     "above": lambda s: np.maximum(s[0], 0.0),  # never below 0
+    "modulus": lambda s: abs(s[0]) + s[0],  # never below 0; the slope of abs at 0 is that beside it
+    "minus modulus": lambda s: s[0] - abs(s[0]),
 }
+NEVER_BELOW = "above", "modulus"
 
 
 @pytest.mark.parametrize("stiff", [None, True])
@@ -269,12 +272,64 @@ FLAT = {
 def test_surfaces_that_are_flat_on_one_side(name, stiff):
     """A crossing into s = 0 counts even if the last one was located at q = 0 exactly."""
     events = [Event(FLAT[name], direction=direction) for direction in (0, 1, -1)]
-    right = np.pi * (np.arange(0 if name == "above" else 10) + 0.5)
+    right = np.pi * (np.arange(0 if name in NEVER_BELOW else 10) + 0.5)
     oscillator = Field(lambda s: (s[1], -s[0]), "q p")
     for rtol in (1e-6, 1e-8, 1e-9, 6e-10, 4e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12):
         found = flow(oscillator, [1.0, 0.0], time=31, events=events, rtol=rtol, stiff=stiff).events
         for k, times in enumerate((right, right[1::2], right[::2])):
             np.testing.assert_allclose(found.time[found.which == k], times, atol=1e3 * rtol)
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("name", FLAT)
+def test_starts_where_a_surface_begins_to_be_flat(name, stiff):
+    starts = [[0.0, 1.0], [0.0, -1.0]]
+    oscillator = Field(lambda s: (s[1], -s[0]), "q p")
+    found = flow(oscillator, starts, time=10, events=Event(FLAT[name]), stiff=stiff).events
+    # A start is above if s is 0 a moment later, too; else it is on the side to which it leads.
+    right = np.pi * np.arange(1, 4)
+    for k in (0, 1):
+        own = found.time[found.trajectory == k]
+        np.testing.assert_allclose(own, right if name not in NEVER_BELOW else [], rtol=1e-8)
+
+
+POLES = {  # s, and a function of q and t with the zeros of s alone
+    "tan": (lambda s: np.tan(s[0]), lambda q, t: np.sin(q)),
+    "quotient": (lambda s: (s[0] - 1.2) / (s[0] + 0.3), lambda q, t: q - 1.2),
+    "inverse": (lambda s: 1 / s[0] - 0.7, lambda q, t: 1 - 0.7 * q),
+    "cube": (lambda s: (s[0] - 1.2) / (s[0] + 0.3) ** 3, lambda q, t: q - 1.2),
+    "of time": (lambda s: np.tan(s[2]) - s[0], lambda q, t: np.sin(t) - q * np.cos(t)),
+}
+
+
+@pytest.mark.parametrize("stiff", [None, True])
+@pytest.mark.parametrize("name", POLES)
+def test_poles_of_surfaces_are_no_crossings(name, stiff, rng):
+    """q = 2 cos(w t + a) passes poles, where s changes its sign, too, and zeros beyond them."""
+    surface, zeros = POLES[name]
+    w, a = rng.uniform(0.7, 1.9, 20), rng.uniform(0.0, 6.28, 20)
+    field = Field(lambda s, w: (s[1], -w * w * s[0], 1.0), "q p t", w=w)
+    starts = np.c_[2 * np.cos(a), -2 * w * np.sin(a), 0 * a]
+    t = np.linspace(0.0, 20.0, 40_001)
+    values = zeros(2 * np.cos(w * t[:, np.newaxis] + a), t[:, np.newaxis])
+    changes = np.sign(values[1:]) != np.sign(values[:-1])
+    for rtol in (1e-5, 1e-9):
+        found = flow(field, starts, time=20, events=Event(surface), rtol=rtol, stiff=stiff).events
+        for k in range(20):
+            own = found.time[found.trajectory == k]
+            np.testing.assert_allclose(own, t[1:][changes[:, k]], atol=6e-4 + 300 * rtol)
+
+
+def test_jumps_of_surfaces_are_crossings():
+    """Remainders jump from .5 to -.5, and a gate from 1e-9 to -1."""
+    clock = Field(lambda s: [1.0], "t")
+    for surface, right in (
+        (lambda s: np.fmod(s[0], 1.0) - 0.5, 0.5 * np.arange(1, 8)),
+        (lambda s: s[0] % 1 - 0.5, 0.5 * np.arange(1, 8)),
+        (lambda s: np.where(s[0] < 1, 1e-9 * (2 - s[0]), s[0] - 2), [1.0, 2.0]),
+    ):
+        found = flow(clock, [0.2], time=3.7, events=Event(surface)).events
+        np.testing.assert_allclose(found.time + 0.2, right, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["minimum", "where"])

@@ -52,6 +52,9 @@ ACTIONS_AT_ONCE, ACTIONS_AT_ONE_INSTANT = 4.0, 64.0
 LOW_AFTER_ACTION = 2.0**-44  # a sum below this part of the sum of its moduli is rounding
 # ds/dt decides no side if s changes only by rounding in SLOW_AT_SURFACE * last time.
 SLOW_AT_SURFACE = 2.0**-20
+# At a pole |s| grows by more than GROWTH_TO_POLE from the start to the end of a step, which is as
+# near as ACCURACY_OF_CROSSING.
+GROWTH_TO_POLE = 2.0**10
 # ds/dt after events is compared with ds/dt a moment later: MOMENT times the last step, or if this
 # step was cut to less than 1 / GROWTH_AFTER_SURFACE times the next one, of that length. After a
 # step of 4e-15 the change of ds/dt was rounding, and a hop was not seen.

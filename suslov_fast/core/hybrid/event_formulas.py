@@ -27,6 +27,7 @@ from ..expressions.values import operand_of
 OF_SURFACE = 5
 _BRANCHES = "select", "max", "min", "fabs", "floor"  # with these, s may be 0 in a neighbourhood
 # Operations that have no value for some operands.
+_WITH_POLES = "fdiv", "tan", "pow"
 _LOGARITHMS = "log", "log2", "log10", "log1p"
 WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75  # the number in the row `side` (`flow.memory`) where s has no value
@@ -153,6 +154,7 @@ class EventSet(NamedTuple):
     directions   `EventAction.direction` of the events on surfaces
     gaps         for each of them, True if its function may have no value
     flats        for each of them, True if its function may be 0 all around a state
+    poles        for each of them, True if its function may have poles
     most         `EventAction.most` of all events
     parts        {name: `EventProgram`}, see below
     components   for each event the numbers of the components that it may set
@@ -178,6 +180,7 @@ class EventSet(NamedTuple):
     directions: tuple
     gaps: tuple
     flats: tuple
+    poles: tuple
     most: tuple
     parts: dict
     components: tuple
@@ -236,6 +239,7 @@ def event_set_of(actions, D, P, by=(), with_columns=False, invariants=None):
         directions=tuple(action.direction for action in on_surfaces),
         gaps=tuple(not each.isdisjoint(WITH_GAPS) for each in names),
         flats=tuple(any(name in _BRANCHES or is_table(name) for name in each) for each in names),
+        poles=tuple(not each.isdisjoint(_WITH_POLES) for each in names),
         most=tuple(action.most for action in actions),
         parts=parts,
         components=components,

@@ -30,6 +30,7 @@ from ..tolerances import (
     FACTOR_AT_FIRST,
     FASTER_AFTER_ACTION,
     GROWTH_AFTER_SURFACE,
+    GROWTH_TO_POLE,
     LOW_AFTER_ACTION,
     MOMENT,
     NEARLY,
@@ -89,18 +90,19 @@ def SIDE_AT_START(value, rate, size, rate_size, near, t, sign, holds):
 
 @scalar_kernel
 def TOUCHING_SIDE(
-    side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, fired,
-    sign,
+    side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, at_start,
+    fired, sign,
 ):  # fmt: skip
     """Return `side` and `level` of a state at a surface s = 0; STAYS becomes a side in two cases.
 
     If s is 0 in a whole neighbourhood of the state, the side is above. Only an s with branches is,
-    such as min(x, 0); cos(x) - 1 is 0 at one point. If an event has acted (`fired`), and the rate
+    such as min(x, 0); cos(x) - 1 is 0 at one point. At a start the slopes where the motion leads
+    decide. If an event has acted (`fired`), and the rate
     leads back a moment later, the side is the one from which the state came.
     """
-    is_flat = side.equals(STAYS) & value.equals(0.0) & (slopes + slopes_later).equals(0.0)
-    is_flat = is_flat & (has_branches > 0.5)
     stays = side.equals(STAYS)
+    is_flat = value.equals(0.0) & slopes_later.equals(0.0) & (has_branches > 0.5)
+    is_flat = is_flat & ((stays & slopes.equals(0.0)) | (at_start > 0.5))
     lifts = stays & (-(fired * sign) * (later - rate) > ROUNDING_OF_SURFACE * rate_size)
     back = (fired < 0.0).select(1.0, 0.0)
     level_back = _level(fired < 0.0, value, ROUNDING_OF_SURFACE * size)
@@ -125,15 +127,16 @@ def LEVEL_AFTER_ACTION(side, level, value, rate, fired, holds, t, sign):
 
 @scalar_kernel
 def CROSSED(
-    value, rate, size, rate_size, slopes, near, side, level, crossed_at, is_here, by_motion, holds,
-    may_be_flat, t, last, sign, accepted, f_ends,
+    value, rate, size, rate_size, slopes, slopes_later, near, side, level, crossed_at, is_here,
+    by_motion, holds, may_be_flat, may_have_poles, s_start, t, last, sign, accepted, f_ends,
 ):  # fmt: skip
     """Return whether a state crossed a surface `up` or `down`, and the rows of the surface.
 
     A crossing is a change of the side, where events may act (`is_here`). A state on the surface has
     the side to which its rate leads, as in `_side`. If the rate is rounding, the side remains; but
     it changes if s has changed its sign along the step (`by_motion`). If only rounding led a state
-    across, its return at once is no crossing.
+    across, its return at once is no crossing. At a pole s, with the value `s_start` where the step
+    began, changes its sign, though its rate leads back: this changes the side, and is no crossing.
     """
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
@@ -148,12 +151,17 @@ def CROSSED(
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
     here = of_rest.select((by_motion & ~is_back).select(of_value, side), near_surface["side"])
     # Where s is 0 all around, the side is above as in `TOUCHING_SIDE`, even if `level` is above 0.
-    is_flat = value.equals(0.0) & slopes.equals(0.0) & (may_be_flat > 0.5)
-    here = is_flat.select(1.0, here)
+    # At a kink, where the slope may be that of the other side, the slope a moment later decides.
+    is_0 = slopes.equals(0.0) | slopes_later.equals(0.0)
+    here = (value.equals(0.0) & is_0 & (may_be_flat > 0.5)).select(1.0, here)
+    has_grown = (abs(value) > GROWTH_TO_POLE * abs(s_start)) & (abs(s_start) > 0.0)
+    is_pole = (on & is_back & has_grown) | abs(value).equals(inf)
+    is_pole = is_pole & by_motion & (may_have_poles > 0.5)
+    here = is_pole.select(of_value, here)
     # With `EventAction.holds` 2, a rate alone changes no side: s must also have passed `level`.
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))
-    differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side))
+    differs = is_here & has_side & ~(now.equals(GAP) | now.equals(side) | is_pole)
     again = (by_motion | on) & (t - crossed_at <= AT_ONCE * t)
     # A level lasts until s itself, at the level 0, is on the side of the state.
     lasts = has_side & now.equals(side) & of_value.equals(side)
@@ -161,7 +169,7 @@ def CROSSED(
     moved = on & has_side & (by_motion | of_rest)
     own = _level(now > 0.5, value, ROUNDING_OF_SURFACE * size)
     moved = moved.select(own, lasts.select(level, 0.0))
-    moved = (holds > 1.0).select(level, moved)
+    moved = (holds > 1.0).select(level, is_pole.select(0.0, moved))
     changes = is_here | (stays & (accepted > 0.0))
     return {
         "side": changes.select(now, side),
@@ -289,7 +297,7 @@ def find_sides(code, begins):
         numbers = _at_surface(code.work.toward, k)
         numbers["holds"] = code.text.constants([*map(float, code.integrator.events.holds)])[k]
         start = code.apply(SIDE_AT_START, near=0.0, **numbers)
-        start = _with_touching_side(code, k, start["side"], start["level"], 0.0)
+        start = _with_touching_side(code, k, start["side"], start["level"], 0.0, at_start=True)
         side.choose(begins, k * 2, start["side"])
         side.after(1).choose(begins, k * 2, start["level"])
         code.line.acted_at.choose(begins, k, -inf)
@@ -422,13 +430,21 @@ def _act_at_surfaces(code, is_there, by_motion, again):
     code.line.resting[0] = vars(again).pop("resting")
 
 
-def _with_touching_side(code, k, side, level, fired):
+def _with_touching_side(code, k, side, level, fired, at_start=False):
     """Return `side` and `level` of the state at surface k, mended by `TOUCHING_SIDE`."""
     inputs, ahead = _at_surface(code.work.toward, k), _at_surface(code.work.ahead, k)
+    events = code.integrator.events
+    plain = [float(at_start and g in events.plain) for g in range(events.surface_count)]
     inputs |= {"side": side, "level": level, "fired": fired}
+    inputs["at_start"] = code.text.constants(plain)[k]
     inputs |= {"later": ahead["rate"], "slopes_later": ahead["slopes"]}
-    inputs["has_branches"] = code.text.constants([*map(float, code.integrator.events.flats)])[k]
+    inputs["has_branches"] = code.text.constants([*map(float, events.flats)])[k]
     return code.apply(TOUCHING_SIDE, **inputs)
+
+
+def _slopes_a_moment_later(code, k):
+    _look_a_moment_later(code)
+    return _at_surface(code.work.ahead, k)["slopes"]
 
 
 def _cross(code, k, is_there, by_motion):
@@ -439,8 +455,16 @@ def _cross(code, k, is_there, by_motion):
     given = {"by_motion": by_motion.select(1.0, 0.0), "is_here": is_there.select(1.0, 0.0)}
     given |= {"side": line.side[place], "level": line.side[place + 1]}
     given["holds"] = text.value(float(events.holds[k]))
-    is_flat = events.flats[k] and k in events.plain and not events.slides[k]
+    is_plain = k in events.plain
+    is_flat = events.flats[k] and is_plain and not events.slides[k]
     given["may_be_flat"] = text.value(float(is_flat))
+    given["slopes_later"] = text.value(1.0)
+    if is_flat:
+        on_0 = (is_there & numbers["value"].equals(0.0)).any()
+        later = text.otherwise(~on_0, (1.0,), lambda: (_slopes_a_moment_later(code, k),))
+        [given["slopes_later"]] = later
+    given["may_have_poles"] = text.value(float(events.poles[k] and is_plain))
+    given["s_start"] = work.points[integrator.surface_count - events.surface_count + k]
     crossing = code.apply(CROSSED, k, **numbers, **given)
     line.side.put_chosen(place, crossing["side"])
     line.side.put_chosen(place + 1, crossing["level"])

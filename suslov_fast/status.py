@@ -122,6 +122,7 @@ class IntegrationWarning(RuntimeWarning):
 def ended_in_words(status: NDArray[np.int8]) -> str:
     """Return in words how many motions ended, and how many events stopped, if any."""
     counts = {"ended": status < 0, "stopped": status == Status.STOPPED}
+    counts["integrals not kept"] = status == Status.NOT_KEPT
     texts = (f", {k}: {np.count_nonzero(v)} of {v.size}" for k, v in counts.items() if v.any())
     return "".join(texts)
 

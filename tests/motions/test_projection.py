@@ -301,6 +301,39 @@ def test_projections_that_are_left_out():
     assert abs(integral(motion.final.T) - integral(x0.T)).max() < 1e-7
 
 
+def test_integrals_of_solutions_that_slide_or_rest():
+    """The first of each pair is an integral there, too; the second is one of free motions alone."""
+    bodies = Field(lambda x: (x[2], x[3], 0 * x[0], -1 + 0 * x[0]), "x y u v")
+    floor = Event("y", to=["x", "y", "u", "-0.5*v"], direction="down")
+    slides = Field(lambda x: (-np.sign(x[0]), x[2], -x[1], 1 + 0 * x[0]), "s q p a")
+    x0 = [0.0, 1.0, 0.3, 0.0], [1.0, 1.0, 0.0, 0.0]
+    for field, start, events, function, is_kept in (
+        (bodies, x0[0], floor, lambda x: x[3] ** 2 / 2 + x[1], True),
+        (bodies, x0[0], floor, lambda t, x: x[3] + t, False),
+        (slides, x0[1], (), lambda x: x[1] ** 2 + x[2] ** 2, True),
+        (slides, x0[1], (), lambda x: x[3] + abs(x[0]), False),
+    ):
+        kept, at = field.conserving(function), {"time": [0.0, 2.0, 10.0], "events": events}
+        if is_kept:
+            assert flow(kept, start, **at).status == Status.OK
+            continue
+        with pytest.warns(IntegrationWarning, match="function 0 changes along f in 1 of 1"):
+            motion = flow(kept, start, **at)
+        assert motion.status == Status.NOT_KEPT
+        assert_allclose(motion.states, flow(field, start, **at).states, atol=1e-9)
+
+
+def test_integrals_of_time_without_a_proof():
+    field = Field(lambda t, x: (np.tanh(t) + 0 * x[0], x[0]), "a b").conserving(
+        lambda t, x: x[0] - np.log(np.cosh(t))
+    )
+    for t0 in (-30.0, 0.0, 1e4):
+        motion = flow(field, [1.0, 0.0], time=[0.0, 10.0], t0=t0)
+        assert motion.status == Status.OK
+        gain = np.logaddexp(t0 + 10, -t0 - 10) - np.logaddexp(t0, -t0)
+        assert_allclose(motion.final[0], 1 + gain, rtol=1e-11)
+
+
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-7, 1e-10, 1e-13])
 def test_integrals_that_are_kept_cause_no_warning(rtol):
     """Equilibria, states near them, circular orbits, L = 0, dependent integrals: no alarm."""

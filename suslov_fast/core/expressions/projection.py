@@ -66,14 +66,14 @@ NOTHING = Invariants()
 class _Formulas:
     """Formulas of a program that reads `inputs` numbers and f's table; `slopes` are rows of J."""
 
-    def __init__(self, f, inputs):
+    def __init__(self, f, inputs, with_steady=False):
         self.f, self.values = f, Expressions(inputs + len(f.table))
         self.table = {a: inputs + place for a, place in f.places.items()}
         self.slopes = [{} for _ in range(f.invariants_count)]
         for (a, j), slope in zip(
             f.invariants_places, f.invariants.results[f.invariants_count :], strict=True
         ):
-            if j not in f.steady:
+            if with_steady or j not in f.steady:
                 self.slopes[a][j] = slope
 
     def halves(self):
@@ -269,7 +269,7 @@ def changes_of(f):
     table. Its result is 1 + the number of the first of these integrals that changes, else 0.
     """
     D, x, count = f.D, range(f.D), len(f.tested)
-    formulas = _Formulas(f, D + 1 + count)
+    formulas = _Formulas(f, D + 1 + count, with_steady=True)
     values, number = formulas.values, formulas.values.number
     rates = emitted(values, f.rates, dict(enumerate(x)) | formulas.table)
     integrals, J = formulas.at(x, [f.constraints_count + k for k in f.tested], x)

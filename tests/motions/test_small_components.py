@@ -408,5 +408,9 @@ def test_crossings_of_an_oscillation_that_decays():
 def test_the_oregonator_at_close_tolerances(rtol):
     """It jumps when components have decayed to 1e-3 of their largest values. Values of CWI."""
     right = [1.000814870318523, 1228.178521549917, 132.0554942846706]
-    motion = sf.flow(field(oregonator, "a b c"), [1.0, 2.0, 3.0], time=360.0, rtol=rtol)
+    f, x0, times = field(oregonator, "a b c"), [1.0, 2.0, 3.0], np.linspace(3.0, 360.0, 120)
+    motion = sf.flow(f, x0, time=360.0, rtol=rtol)
     np.testing.assert_allclose(motion.final, right, rtol=200 * rtol + 1e-13)
+    states = sf.flow(f, x0, time=times, rtol=1e-13, atol=0).states
+    found = sf.flow(f, x0, time=times, rtol=rtol).states
+    np.testing.assert_allclose(found, states, rtol=200 * rtol)

@@ -151,17 +151,17 @@ def flow(
     names, acting = checked_derivatives(body, derivatives), checked_events(events)
     timed = clocked(body, acting) if acting else body
     request = request_of(timed, time, threads, rtol, atol, max_step, stiff)
-    x, batch, t0 = checked_starts(timed, x0, batch_of(acting) if acting else (), t0)
+    x0, batch, t0 = checked_starts(timed, x0, batch_of(acting) if acting else (), t0)
     if timed._clocks:
-        warn_of_times(timed, x, request, t0)
+        warn_of_times(timed, x0, request, t0)
     if acting:
         warn_of_event_times(acting, request)
-    return solved(timed, x, batch, request, progress, names, acting, body, t0)
+    return solved(timed, x0, batch, request, progress, names, acting, body, t0)
 
 
 def solved(
     system: Any,
-    x: FloatArray,
+    x0: FloatArray,
     batch: tuple[int, ...],
     request: SolverRequest,
     progress: Progress,
@@ -170,17 +170,17 @@ def solved(
     body: Any,
     t0: Any,
 ) -> Motion:
-    """Return the motion from x (B, D), differentiated with respect to `names`; warn if it ends.
+    """Return the motion from x0 (B, D), differentiated with respect to `names`; warn if it ends.
 
-    `system` may have a hidden time that the `body` of the user lacks; `t0` is the time at x.
+    `system` may have a hidden time that the `body` of the user lacks; `t0` is the time at x0.
     """
-    result, phases = solution(system, x, batch, request, progress, names, events)
+    result, phases = solution(system, x0, batch, request, progress, names, events)
     layout, ends = system._layout, result.ends
     if batch:
-        states = result.states.reshape(len(result.states), *batch, x.shape[1])
-        start = x.copy().reshape(*batch, x.shape[1])
+        states = result.states.reshape(len(result.states), *batch, x0.shape[1])
+        start = x0.copy().reshape(*batch, x0.shape[1])
     else:
-        states, start = result.states[:, 0], x[0].copy()
+        states, start = result.states[:, 0], x0[0].copy()
     motion = _of_request(request, batch) | {
         "body": body,
         "states": read_only(layout.leave(states)),

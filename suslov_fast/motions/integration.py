@@ -194,15 +194,15 @@ def _ends(t: FloatArray, status: NDArray[np.int8]) -> Ends:
     return Ends(t, status, doubtful, repeated, np.zeros((len(t), UNKEPT)))
 
 
-def empty_result(starts: FloatArray, count: int) -> SolverResult:
+def empty_result(x0: FloatArray, count: int) -> SolverResult:
     """Return the result before any step: states at `count` times are NaN."""
-    B = len(starts)
+    B = len(x0)
     status = np.full(B, Status.TOO_MANY_STEPS, np.int8)
     return SolverResult(
-        states=np.full((count, *starts.shape), np.nan),
+        states=np.full((count, *x0.shape), np.nan),
         columns={name: np.zeros(B, kind) for name, (_, kind) in COLUMNS.items()},
         ends=_ends(np.zeros(B), status),
-        records=Rows([], 1, starts),
+        records=Rows([], 1, x0),
     )
 
 
@@ -232,18 +232,18 @@ def right_hand_sides(
 def to_tolerance(
     groups: list[OfMembers],
     shape: tuple[int, ...],
-    x: FloatArray,
+    x0: FloatArray,
     batch: tuple[int, ...],
     request: SolverRequest,
 ) -> SolverResult:
-    """Return motions from states x (B, D), to a tolerance, at `request.times` in any order.
+    """Return motions from states x0 (B, D), to a tolerance, at `request.times` in any order.
 
     `groups` are the right-hand sides of the members of a field of this shape. If `request.report`
     returns False, states that are not yet computed stay NaN.
     """
     count, places = len(request.times), None
-    if not (count and len(x)):
-        return empty_result(x, count).without_steps(np.isnan(x[:, 0]))
+    if not (count and len(x0)):
+        return empty_result(x0, count).without_steps(np.isnan(x0[:, 0]))
     if request.sign < 0:
         request = request._replace(times=abs(request.times))
     if count > 1 and np.count_nonzero(request.times[1:] <= request.times[:-1]):
@@ -255,46 +255,40 @@ def to_tolerance(
     has_events = request.event_times is not None
     if last > 0.0 or has_events:  # events at time 0 act, too
         if math.prod(shape) == 1:  # for speed in small calls
-            result = _of_group(groups[0].f, groups[0].table[0], x, request)
+            result = _of_group(groups[0].f, groups[0].table[0], x0, request)
         else:
-            result = _of_groups(right_hand_sides(groups, shape, batch), x, request)
+            result = _of_groups(right_hand_sides(groups, shape, batch), x0, request)
     else:
-        result = empty_result(x, 1).without_steps(np.isnan(x[:, 0]))
+        result = empty_result(x0, 1).without_steps(np.isnan(x0[:, 0]))
     if first == 0.0:
         # With events the engine saves the states at time 0, except where f has no value at x0.
         kept = result.all_ends.status == Status.NONFINITE if has_events else slice(None)
-        result.states[0, kept] = x[kept]
+        result.states[0, kept] = x0[kept]
     return result if places is None else result._replace(states=result.states[places])
 
 
-def _of_group(
-    f: Any, table: FloatArray, starts: FloatArray, request: SolverRequest
-) -> SolverResult:
+def _of_group(f: Any, table: FloatArray, x0: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the `SolverResult` of trajectories that share f; `table` has its numbers."""
-    B, begun = len(starts), None
+    B, begun = len(x0), None
     threads = 1 if B == 1 else threads_for(B, request.threads)
-    if (
-        request.report is None
-        and threads == 1
-        and (B == 1 or starts.size <= NUMBERS_OF_SMALL_BATCH)
-    ):
-        states, columns, rows, begun = solve_small_batch(f, table, starts, request)
+    if request.report is None and threads == 1 and (B == 1 or x0.size <= NUMBERS_OF_SMALL_BATCH):
+        states, columns, rows, begun = solve_small_batch(f, table, x0, request)
         if begun is None:
-            records = None if request.event_times is None else _rows_of(rows, starts, request)
+            records = None if request.event_times is None else _rows_of(rows, x0, request)
             return SolverResult(states, columns, None, records)
     else:
-        states = np.full((len(request.times), *starts.shape), np.nan)
-    engine = BatchSolver(f, table, starts, request, states)
+        states = np.full((len(request.times), *x0.shape), np.nan)
+    engine = BatchSolver(f, table, x0, request, states)
     engine.run(threads, begun)
-    result = _result_of(engine, starts)
+    result = _result_of(engine, x0)
     if engine.is_stopped or not np.count_nonzero(engine.state == LaneState.AGAIN):
         return result
-    return _again(engine, result, table, starts)
+    return _again(engine, result, table, x0)
 
 
-def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
-    """Return the `SolverResult` of a run from `starts` (B, D)."""
-    records = _rows_of(engine.records, starts, engine.request)
+def _result_of(engine: BatchSolver, x0: FloatArray) -> SolverResult:
+    """Return the `SolverResult` of a run from `x0` (B, D)."""
+    records = _rows_of(engine.records, x0, engine.request)
     ends_early = np.count_nonzero(engine.state != LaneState.DONE) or engine.is_stopped
     is_unkept = engine.unkept.any(axis=1)
     if not (ends_early or np.count_nonzero(engine.doubtful) or np.count_nonzero(is_unkept)):
@@ -305,18 +299,18 @@ def _result_of(engine: BatchSolver, starts: FloatArray) -> SolverResult:
         t=np.where(engine.state == LaneState.DONE, np.nan, engine.request.sign * engine.t),
         status=status,
         doubtful=FELL * engine.doubtful,
-        repeated=np.zeros(len(starts), np.int8),
+        repeated=np.zeros(len(x0), np.int8),
         unkept=engine.unkept,
     )
     return SolverResult(engine.states, engine.columns, ends, records, is_stopped=engine.is_stopped)
 
 
-def _rows_of(records: Any, starts: FloatArray, request: SolverRequest) -> Rows | None:
-    return None if request.event_times is None else Rows(records, request.sign, starts)
+def _rows_of(records: Any, x0: FloatArray, request: SolverRequest) -> Rows | None:
+    return None if request.event_times is None else Rows(records, request.sign, x0)
 
 
 def _again(
-    engine: BatchSolver, result: SolverResult, table: FloatArray, starts: FloatArray
+    engine: BatchSolver, result: SolverResult, table: FloatArray, x0: FloatArray
 ) -> SolverResult:
     """Return a result in which trajectories with an alarm (`growing_components`) are recomputed.
 
@@ -328,9 +322,9 @@ def _again(
 
     def run(which: NDArray[np.int64], lost: FloatArray, acts: bool) -> BatchSolver:
         part = _part_of(request, which, report)._replace(settings=closer(request.settings))
-        states = np.full((len(request.times), len(which), starts.shape[1]), np.nan)
+        states = np.full((len(request.times), len(which), x0.shape[1]), np.nan)
         own = table if table.ndim == 1 else table[which]
-        engine = BatchSolver(f, own, starts[which], part, states, lost, acts)
+        engine = BatchSolver(f, own, x0[which], part, states, lost, acts)
         engine.run(threads_for(len(which), request.threads))
         return engine
 
@@ -338,14 +332,14 @@ def _again(
     lost, report = engine.lost[where], engine.report_of_part(where)
     for each in TRIES:
         engine = run(where, each.marks(lost), each.acts)
-        result = result.again(where, _result_of(engine, starts[where]))
+        result = result.again(where, _result_of(engine, x0[where]))
         alarms = engine.state == LaneState.AGAIN
         where, lost = where[alarms], engine.lost[alarms]
         if not len(where) or result.is_stopped:
             break
     where = first[np.isin(result.all_ends.status[first], _ENDS)]
     if len(where) and not result.is_stopped:
-        plain = _result_of(run(where, np.zeros((len(where), f.of_x.D)), False), starts[where])
+        plain = _result_of(run(where, np.zeros((len(where), f.of_x.D)), False), x0[where])
         ends, last = plain.all_ends, result.all_ends.t[where]
         ends.doubtful[:] = NO_DIGITS
         (lasts,) = np.nonzero(np.isnan(ends.t) | (abs(ends.t) > SAME_END * abs(last)))
@@ -360,15 +354,15 @@ def _part_of(request: SolverRequest, where: NDArray[np.int64], report: Any) -> S
     return request._replace(report=report, event_times=event_times)
 
 
-def _of_groups(groups: Any, starts: FloatArray, request: SolverRequest) -> SolverResult:
+def _of_groups(groups: Any, x0: FloatArray, request: SolverRequest) -> SolverResult:
     """Return the joint `SolverResult` of groups of trajectories, (indices, f, table of f) each."""
     where, f, table = groups[0]
     if where is ALL:
-        return _of_group(f, table, starts, request)
-    result, report, done = empty_result(starts, len(request.times)), request.report, 0
+        return _of_group(f, table, x0, request)
+    result, report, done = empty_result(x0, len(request.times)), request.report, 0
     for where, f, table in groups:
         of_part = None if report is None else lambda now, before=done: report(before + now)
-        part = _of_group(f, table, starts[where], _part_of(request, where, of_part))
+        part = _of_group(f, table, x0[where], _part_of(request, where, of_part))
         result = result.with_part(where, part)
         done += len(request.times) * len(where)
         if result.is_stopped:

@@ -135,7 +135,7 @@ def by_formulas(f, x, h, end, columns, p, *given):
 @pytest.mark.parametrize("stiff", [False, True])
 @pytest.mark.parametrize("name", SMOOTH)
 def test_steps_are_those_of_the_formulas(name, stiff):
-    """Those that are accepted of the first sixteen, of each trajectory."""
+    """Those that are accepted of the first twelve, of each trajectory."""
     field, x0, last = case(name)
     _, f, table = field._right_hand_sides[0]
     settings, compared = batch_solver.Settings(1e-6, stiff=stiff), 0
@@ -145,7 +145,7 @@ def test_steps_are_those_of_the_formulas(name, stiff):
         columns = implicit_end, rule.columns, 1, lambda x: f.jacobian(x, table[0])
     for x in x0[np.isfinite(x0).all(axis=1)]:
         tried = attempts(f, table[0], x, last, settings)
-        for (t, before), (later, after) in itertools.islice(itertools.pairwise(tried), 16):
+        for (t, before), (later, after) in itertools.islice(itertools.pairwise(tried), 12):
             if later > t:
                 right = by_formulas(lambda x: f.value(x, table[0]), before, later - t, *columns)
                 np.testing.assert_allclose(after, right, 1e-10, 1e-12)

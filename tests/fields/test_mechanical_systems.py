@@ -527,12 +527,12 @@ def test_rattleback_turns_back():
 
     def newton(t, x):
         g, O = x[:3], x[3:]
-        rate, r = np.cross(g, O), contact(g)
+        rate, r = cross(g, O), contact(g)
         r_rate = slopes(contact, g) @ rate
-        R = np.array([np.cross(r, e) for e in np.eye(3)]).T  # R b = r x b
+        R = np.array([cross(r, e) for e in np.eye(3)]).T  # R b = r x b
         # force = V' + O x V + 9.81 g with V = -O x r; torque r x force = I O' + O x I O
-        known = -np.cross(O, r_rate) - np.cross(O, np.cross(O, r)) + 9.81 * g
-        right = np.cross(r, known) - np.cross(O, inertia @ O)
+        known = 9.81 * g - cross(O, r_rate) - cross(O, cross(O, r))
+        right = cross(r, known) - cross(O, inertia @ O)
         return [*rate, *np.linalg.solve(inertia - R @ R, right)]
 
     g, O = np.array([0.01, 0.02, 1.0]) / np.sqrt(1.0005), np.array([0, 0, -5.0])

@@ -110,29 +110,32 @@ def test_long_determinants_with_letters(f, names, integrals):
     assert any("too long" in text for text in found.searched) == (f is potential)
 
 
-def test_bodies_in_n_dimensions_with_letters():
+@pytest.mark.parametrize(
+    ("n", "J"),
+    [(2, (2, 2)), (2, (2, 3)), pytest.param(3, (2, 2, 2), marks=pytest.mark.slow)],
+)
+def test_bodies_in_n_dimensions_with_letters(n, J):
     rng = random.Random(2)
 
     def number():
         return Fraction(rng.randint(-9, 9), 8)
 
-    for n, J in ((2, (2, 2)), (2, (2, 3)), (3, (2, 2, 2))):
-        found = report(SuslovND(J=J, I=[0.5, 0.25, 1][:n]), letters=True, degree=2)
-        F = next(F for F in found.integrals if F.degree == 2)
-        assert len(found.integrals) == n - 1
-        x = [number() + Fraction(1, 3) for _ in range(n)]
-        letters = {"J1": Fraction(9, 4), "J2": Fraction(7, 2), "eps": Fraction(1, 5)}
-        letters |= {f"I{k + 1}": number() for k in range(n)}
-        at = {name: letters[name] for name in F.letters}
-        J1, J2, eps = letters["J1"], letters["J2"] if J[1] == 3 else letters["J1"], letters["eps"]
-        if n == 2:  # the body in three dimensions with I1 I2 = J1 J2
-            below = letters["I1"] * x[1] - letters["I2"] * x[0]
-            value = (J1 * x[0] ** 2 + J2 * x[1] ** 2) / (4 * J1 * J2 + (eps * below) ** 2)
-            value /= J1 if J1 == J2 else 1
-        else:
-            p = sum(letters[f"I{k + 1}"] * a for k, a in enumerate(x))
-            value = sum(a * a for a in x) / ((2 * J1 - eps * p) * (2 * J1 + eps * p))
-        assert F(x, **at) == value
+    found = report(SuslovND(J=J, I=[0.5, 0.25, 1][:n]), letters=True, degree=2)
+    F = next(F for F in found.integrals if F.degree == 2)
+    assert len(found.integrals) == n - 1
+    x = [number() + Fraction(1, 3) for _ in range(n)]
+    letters = {"J1": Fraction(9, 4), "J2": Fraction(7, 2), "eps": Fraction(1, 5)}
+    letters |= {f"I{k + 1}": number() for k in range(n)}
+    at = {name: letters[name] for name in F.letters}
+    J1, J2, eps = letters["J1"], letters["J2"] if J[1] == 3 else letters["J1"], letters["eps"]
+    if n == 2:  # the body in three dimensions with I1 I2 = J1 J2
+        below = letters["I1"] * x[1] - letters["I2"] * x[0]
+        value = (J1 * x[0] ** 2 + J2 * x[1] ** 2) / (4 * J1 * J2 + (eps * below) ** 2)
+        value /= J1 if J1 == J2 else 1
+    else:
+        p = sum(letters[f"I{k + 1}"] * a for k, a in enumerate(x))
+        value = sum(a * a for a in x) / ((2 * J1 - eps * p) * (2 * J1 + eps * p))
+    assert F(x, **at) == value
 
 
 def test_parameters_in_exponents_are_numbers():

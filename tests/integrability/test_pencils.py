@@ -45,7 +45,6 @@ def symbolic(f):
         pytest.param(CONJUGATE, None, 3, 9, 1, marks=pytest.mark.slow),
         (STAR, F(1, 3), 3, 9, 1),
         (STAR, 1, 3, 7, 1),  # two members touch, at two points
-        pytest.param(SEXTIC, 1, 6, 11, 1, marks=pytest.mark.slow),
         pytest.param(SEXTIC, None, 6, 11, 1, marks=pytest.mark.slow),
         pytest.param(zoo()["Nahm, octahedral"][0], None, 4, 10, 1, marks=pytest.mark.slow),
         (zoo()["Suslov body"][0], F(1, 3), 2, 4, 0),

@@ -8,7 +8,7 @@ import re
 import sys
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from importlib.util import find_spec
@@ -117,9 +117,38 @@ def run(options: argparse.Namespace) -> int:
         _check_writable([options.output], (".npz",), options.force)
     elif "save_every" in given:
         raise ValueError("--save-every needs a file: add -o run.npz")
+    system, eps = _system(options)
+    compute, chosen = _computation(system, eps, options, given)
+    result, seconds = _timed(
+        compute, math.inf if given.keys() <= {"function", "refuse"} else _AGAIN
+    )
+    if "output" in given:
+        result.save(options.output, overwrite=options.force)
+    facts = _facts(system, result, seconds, is_motion)
+    failed, steps = result.status < 0, facts["steps"]
+    if "threads" not in given and seconds and seconds < _AGAIN / 10:
+        facts |= _on_threads(compute, steps)
+    facts |= {"trajectories": failed.size, "failed": int(failed.sum())}
+    if not is_motion:
+        facts |= _checks(system, compute.args[1], eps, chosen, result)
+    facts |= {"written": str(options.output)} if "output" in given else {}
+    if options.json or not sys.stdout.isatty():
+        print(json.dumps(facts))
+    else:
+        ending = "" if failed.size == 1 else "s"
+        way = f"orbit{ending} of Kahan's map, {steps:,} steps in all, of length {float(eps or 0):g}"
+        if is_motion:
+            way = f"solution{ending} to time {options.time:g}, {steps:,} steps"
+        print(_readable(facts, way, options))
+    return int(failed.size > 0 and bool(failed.all()))
+
+
+def _computation(
+    system: Any, eps: Any, options: argparse.Namespace, given: Mapping[str, Any]
+) -> tuple[partial[Any], dict[str, Any]]:
+    """Return the call that computes the trajectories, and the arguments that were chosen for it."""
     import numpy as np
 
-    system, eps = _system(options)
     like = f"--x0 {','.join('1' * system.dimension)}"
     if "equations" in given and not {"x0", "trajectories"} & {*given}:
         raise ValueError(f"--x0 is missing, the initial state, such as {like}")
@@ -131,47 +160,41 @@ def run(options: argparse.Namespace) -> int:
         [states] = states
     names = "threads", "rtol", "atol", "steps", "save_every", "method"
     chosen: dict[str, Any] = {name: given[name] for name in names if name in given}
-    compute: Any
-    if is_motion:
+    if "time" in given:
         times = np.linspace(0.0, options.time, options.points or 101)
-        compute = partial(sf.flow, system, states, time=times, **chosen)
-    else:
-        if not _has_map(system):
-            raise ValueError("--equations of degree 2 at most have Kahan's map: add --time T")
-        if eps is None:
-            raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
-        chosen = {"steps": 1000, "save_every": None, "on_singular": "ignore", **chosen}
-        compute = partial(sf.iterate, system, states, eps, **chosen)
-    result, seconds = _timed(
-        compute, math.inf if given.keys() <= {"function", "refuse"} else _AGAIN
-    )
-    if "output" in given:
-        result.save(options.output, overwrite=options.force)
-    failed = result.status < 0
-    taken = result.steps if is_motion else np.where(failed, result.failed_at, result.steps)
-    steps = int(taken.sum())
-    facts: dict[str, Any] = {"system": str(system), "steps": steps, "seconds": seconds}
-    facts["steps_per_second"] = seconds and steps / seconds
-    if "threads" not in given and seconds and seconds < _AGAIN / 10:
-        from numba import config
+        return partial(sf.flow, system, states, time=times, **chosen), chosen
+    if not _has_map(system):
+        raise ValueError("--equations of degree 2 at most have Kahan's map: add --time T")
+    if eps is None:
+        raise ValueError("--eps is missing, the step size, such as --eps 1/64; or add --time T")
+    chosen = {"steps": 1000, "save_every": None, "on_singular": "ignore", **chosen}
+    return partial(sf.iterate, system, np.asarray(states), eps, **chosen), chosen
 
-        for number, name in ((1, "one_thread"), (2, "two_threads")):
-            if number <= config.NUMBA_NUM_THREADS:
-                each = _timed(partial(compute, threads=number), math.inf)[1]
-                facts[f"steps_per_second_{name}"] = each and steps / each
-    facts |= {"trajectories": failed.size, "failed": int(failed.sum())}
-    if not is_motion:
-        facts |= _checks(system, np.asarray(states), eps, chosen, result)
-    facts |= {"written": str(options.output)} if "output" in given else {}
-    if options.json or not sys.stdout.isatty():
-        print(json.dumps(facts))
-    else:
-        ending = "" if failed.size == 1 else "s"
-        way = f"orbit{ending} of Kahan's map, {steps:,} steps in all, of length {float(eps or 0):g}"
-        if is_motion:
-            way = f"solution{ending} to time {options.time:g}, {steps:,} steps"
-        print(_readable(facts, way, options))
-    return int(failed.size > 0 and bool(failed.all()))
+
+def _facts(system: Any, result: Any, seconds: float | None, is_motion: bool) -> dict[str, Any]:
+    """Return what a run tells first: its system, its steps, and how fast they were."""
+    import numpy as np
+
+    taken = result.steps
+    if not is_motion:  # these are the steps that were asked for
+        taken = np.where(result.status < 0, result.failed_at, taken)
+    steps = int(taken.sum())
+    rate = seconds and steps / seconds
+    return {
+        "system": str(system), "steps": steps, "seconds": seconds, "steps_per_second": rate,
+    }  # fmt: skip
+
+
+def _on_threads(compute: partial[Any], steps: int) -> dict[str, Any]:
+    """Return the steps per second on one thread and on two."""
+    from numba import config
+
+    facts = {}
+    for number, name in ((1, "one_thread"), (2, "two_threads")):
+        if number <= config.NUMBA_NUM_THREADS:
+            each = _timed(partial(compute, threads=number), math.inf)[1]
+            facts[f"steps_per_second_{name}"] = each and steps / each
+    return facts
 
 
 def _timed(compute: Callable[..., Any], longest: float) -> tuple[Any, float | None]:

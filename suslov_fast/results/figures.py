@@ -65,6 +65,13 @@ def plot_run(
             ax = plot_run(run, (*before, name), lines, shade, ax, text, given)
         ax.set_ylabel("")
         return ax
+    return _plot_one(run, components, lines, color, ax, label, given)
+
+
+def _plot_one(
+    run: Any, components: Any, lines: bool | None, color: Any, ax: Any, label: Any, given: Any
+) -> Any:
+    """Draw the saved states of a run in one figure, and return the axes."""
     chosen, B = _components(run, components), math.prod(run.status.shape)
     axes = axes_for(ax, (5.4, 5.0), len(chosen))
     parts = run.body._layout.of_parts(run.states)
@@ -102,15 +109,20 @@ def plot_run(
         text = f"{name}, each for {len(np.unique(values))} {second}" if second else name
         axes.figure.colorbar(mappable, ax=axes, label=text, shrink=0.8)
     if ax is None and len(chosen) == 3 and _TIME not in chosen:
-        extents = np.ptp(states[np.isfinite(states).all(axis=-1)], axis=0) if states.size else [0.0]
-        if 0.0 < np.max(extents) <= _EQUAL * np.min(extents):
-            limits = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
-            axes.set_box_aspect(np.ptp(limits, axis=1), zoom=_ZOOM)
+        _equalize(axes, states)
     _label(axes, run, chosen)
     if axes.get_legend_handles_labels()[1]:
         # The best place takes seconds to find among many points.
         axes.legend(fontsize="small", loc="upper right" if states.size > _MANY else "best")
     return axes
+
+
+def _equalize(axes: Any, states: FloatArray) -> None:
+    """Give axes in space equal scales, unless one extent of the states is much smaller."""
+    extents = np.ptp(states[np.isfinite(states).all(axis=-1)], axis=0) if states.size else [0.0]
+    if 0.0 < np.max(extents) <= _EQUAL * np.min(extents):
+        limits = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
+        axes.set_box_aspect(np.ptp(limits, axis=1), zoom=_ZOOM)
 
 
 def plot_events(events: Any, components: Any, color: Any, ax: Any, given: Any) -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 from ..checks import warn
 from ..core.expressions.programs import Program, emitted, in_order
 from ..core.flow.batch_solver import NO_EVENT_TIMES, EventTimes
+from ..core.flow.tolerances import AT_ONCE
 from ..core.hybrid.event_formulas import EventAction, in_order_of_code
 from ..core.hybrid.sliding import SlidingEquations
 from ..fields.equations import Equations
@@ -91,6 +92,8 @@ class Sliding:
             np.concatenate([np.full((rows, 1), float(self.surfaces + self.count)), which], axis=1),
         )
         self.request = request._replace(event_times=times, report=None)
+        if self.modes.recorders:  # `records` finds crossings that the engine does not count
+            self.request = self.request._replace(most=np.inf)
 
     def continued(self, result: Any, names: Any, at_rest: Any) -> Any:
         """Return the result with trajectories `where` computed again, and attributes of `Motion`.
@@ -175,6 +178,7 @@ class Sliding:
         States have no modes. The numbers of events count those on surfaces first, then others.
         Derivatives keep only the directions with the numbers in `columns`.
         """
+        records = self._with_crossings(records)
         which = records.which
         kept = (which < self.surfaces) | (which > self.surfaces + self.count)
         for k, place in self.contacts.items():  # a body that leaves its contact is not an event
@@ -190,6 +194,38 @@ class Sliding:
             before_by=found.before_by[:, :D, columns],
             states_by=found.states_by[:, :D, columns],
         )
+
+    def _with_crossings(self, records: Any) -> Any:
+        """Return records in which changes of modes are the crossings of their surfaces.
+
+        They replace the records of events that only record: where a solution comes to a surface,
+        slides, and leaves it, the sign of s is rounding. Changes that follow at once count as one.
+        """
+        recorders, begins = self.modes.recorders, self.surfaces + self.count
+        others = ~np.isin(records.which, [*recorders])
+        rows = [np.flatnonzero(others)]
+        numbers = [records.which[rows[0]]]
+        for k, g in recorders.items():
+            before, after = records.before[:, self.D + g], records.states[:, self.D + g]
+            (changes,) = np.nonzero((before != after) & others & (records.which != begins))
+            trajectory, time = records.trajectory[changes], records.time[changes]
+            is_new = np.ones(len(changes), bool)
+            is_new[1:] = trajectory[1:] != trajectory[:-1]
+            is_new[1:] |= abs(np.diff(time)) > AT_ONCE * abs(time[1:])
+            is_last = np.append(is_new[1:], True)[: len(changes)]
+            change = after[changes[is_last]] - before[changes[is_new]]
+            counts = np.isfinite(change) & (abs(time[is_last]) > self.request.since)
+            counts &= (change != 0.0) & (change * self.given[k].direction >= 0.0)
+            rows.append(changes[is_last][counts])
+            numbers.append(np.full(len(rows[-1]), k))
+        order = np.argsort(places := np.concatenate(rows), kind="stable")
+        which, found = np.concatenate(numbers)[order], records.selected(places[order])
+        found, is_new = found._replace(which=which), np.isin(which, [*recorders])
+        for name in ("before", "before_by"):
+            if (own := getattr(found, name)) is not None:
+                later = getattr(found, name.replace("before", "states"))
+                own[is_new] = later[is_new]
+        return found
 
 
 def are_stuck(result: SolverResult, at_rest: Any) -> Any:

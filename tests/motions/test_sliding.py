@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from systems import rubbing
 
-from suslov_fast import Event, Field, Status, flow, load
+from suslov_fast import Event, Field, Status, crossings, flow, load
 
 from ..filippov import Undecided, solution
 
@@ -341,6 +342,32 @@ def test_events_on_the_surface_of_sliding_are_no_rounding(at):
     soon = slow & (abs(x) < 20 * (k - abs(c * y)))  # before 30
     right = 0.7 * y * np.exp(-6.0)
     np.testing.assert_allclose(motion.states[0, soon, 1], right[soon], rtol=1e-7)
+
+
+@pytest.mark.filterwarnings("ignore:events. x0 rests:UserWarning")
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_crossings_where_a_block_sticks_and_leaves(rtol):
+    """Each comes to v = 0 from one side, sticks, and goes on to the other: two crossings a time."""
+    mu = np.linspace(1.2, 1.95, 20)
+    field = Field(lambda s, mu: (2 * np.sin(s[1]) - mu * np.sign(s[0]), 1.0), "v c", mu=mu)
+    surface, same = Event("v"), lambda s: s
+    both = [surface, Event("v", to=same)]
+    found = [flow(field, [0.0, 0.0], time=20, events=e, rtol=rtol) for e in ([surface], both)]
+    for k, m in enumerate(mu):
+        first = np.arcsin(m / 2)
+
+        def speed(t, a=first, m=m):
+            return 2 * (np.cos(a) - np.cos(t)) - m * (t - a)
+
+        comes = brentq(speed, first + 0.5, first + 3.1)
+        right = np.sort(np.add.outer([first, comes], np.pi * np.arange(7)).ravel())
+        right = right[right < 20]
+        for motion in found:
+            events = motion.member(k).events
+            own = events.time[events.which == 0]
+            np.testing.assert_allclose(own, right, atol=100 * rtol + 1e-8)
+    most = crossings(field.with_parameters(mu=1.5), [0.0, 0.0], "v", time=20, most=4, transient=2)
+    assert most.time.shape == (4,)
 
 
 @pytest.mark.parametrize("level", [2.0, 2.0 + 2.0**-30])

@@ -213,6 +213,8 @@ class SlidingEquations(_Rates):
     actions   `EventAction`s in this order: of each event on a surface, of the mode of each surface
               (not of contacts), of all modes at time 0, of each other event, of `_search`
     surfaces_of_events  the number of events on surfaces
+    recorders  {number of an event that only records crossings: the number of its surface, along
+               which solutions slide}
     """
 
     def __init__(self, values, results, D, P, actions=(), sign=1, invariants=NOTHING):
@@ -262,6 +264,7 @@ class SlidingEquations(_Rates):
         self.toward = [self._toward(g) for g in range(self.count)]
         modes = [self._action_of_mode(g) for g in range(self.count)]
         start = KeyedProgram.of(self.values, self._with_modes(range(D + self.size)))
+        self.recorders = {}
         events = [self._event(k, action) for k, action in enumerate(actions)]
         n = self.surfaces_of_events = sum(action.surface is not None for action in events)
         start = EventAction(None, start, 0, inf)
@@ -287,8 +290,10 @@ class SlidingEquations(_Rates):
             action = action._replace(most=inf, holds=holds, rests=True)
         else:
             surface, x = (of and emitted(values, of, dict(values.inputs)) for of in action[:2])
-            for s, slides in zip(self.surfaces, self.slides, strict=True):
+            for g, (s, slides) in enumerate(zip(self.surfaces, self.slides, strict=True)):
                 if surface and same(surface[0], s):  # while the solution slides, s is rounding
+                    if action.to is None and action.most == inf:
+                        self.recorders[k] = g
                     surface = [slides.select(0.0, values.number(s)).number]
                     action = action._replace(slides=True)
             to = x and self._with_modes([*x, *values.modes])

@@ -21,7 +21,7 @@ import numpy as np
 from ..checks import short, wrong
 from ..core.expressions.derivative import gradients
 from ..core.expressions.programs import program_of
-from .mass import is_zero, less, product_of, solved, sum_of
+from .linear_equations import is_zero, less, product_of, solved, sum_of
 from .names import variables, with_time
 from .samples import Samples
 from .symbols import Symbol, Symbols

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .mass import product_of, solved, sum_of
+from .linear_equations import product_of, solved, sum_of
 from .samples import Samples
 from .symbols import Symbol, Symbols, Untraceable, is_complex
 from .tolerances import MOST_ROWS

@@ -51,6 +51,23 @@ def test_which_fields_have_sets():
         assert sets(Field(f, D)) is None, name
 
 
+def test_the_derivative_of_a_distance_is_no_branch():
+    """It is 0 where the distance is 0; f from H takes the steps of the form with a root."""
+
+    def field(distance):
+        return Field.from_hamiltonian(
+            lambda z: (z[2] ** 2 + z[3] ** 2) / 2 - 1 / distance(z[0], z[1]), "x y u v"
+        )
+
+    one, other = field(np.hypot), field(lambda x, y: np.sqrt(x**2 + y**2))
+    assert sets(one) == sets(other) == ([0, 1], [2, 3])
+    one, other = (flow(f, [0.4, 0, 0, 2], time=20.0) for f in (one, other))
+    np.testing.assert_allclose(one.states, other.states, rtol=1e-8)
+    assert one.steps == other.steps
+    spring = Field(lambda z: (z[1], -z[0] * np.hypot(z[0], z[1])), 2)
+    np.testing.assert_array_equal(spring.jacobian([0.0, 0.0]), [[0, 1], [0, 0]])
+
+
 STATES = np.random.default_rng(3).uniform(-0.25, 0.25, (20, 4))
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from .tables import of_line
+from .tolerances import SMALLEST
 from .values import Number, operand_of
 
 
@@ -64,9 +65,12 @@ def _of_power(a, b, y):
 
 
 def _of_hypot(a, b, y):
-    """Return the derivatives a / y and b / y of y = hypot(a, b), both 0 where y = 0."""
-    is_0 = y.equals(0.0)
-    return is_0.select(0.0, a / y), is_0.select(0.0, b / y)
+    """Return the derivatives a / y and b / y of y = hypot(a, b), both 0 where y = 0.
+
+    The sum changes y = 0 alone, and is no condition, at which steps would end.
+    """
+    y = y + SMALLEST
+    return a / y, b / y
 
 
 def _of_logaddexp(a, b, y):

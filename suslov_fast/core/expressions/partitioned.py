@@ -18,7 +18,7 @@ from .dense_product import ENTRY, is_matrix
 from .numpy_evaluation import OF_LISTS
 from .programs import needed_for, program_of
 from .symbolic_elimination import bits_of
-from .tolerances import WORK_OF_FUNCTION
+from .tolerances import SMALLEST, WORK_OF_FUNCTION
 
 
 class ComponentSets(NamedTuple):
@@ -100,7 +100,7 @@ def _kinds(f):
     kinds = {i: _Kind(1) for i in range(f.D)}
     for name, number, operands in f.rates.operations:
         of = [_STILL if isinstance(a, float) else kinds.get(a, _STILL) for a in operands]
-        kind = _kind_of(name, of)
+        kind = of[0] if operands[-1] == SMALLEST else _kind_of(name, of)  # the sum changes only 0
         if kind is None:
             return None
         kinds[number] = kind

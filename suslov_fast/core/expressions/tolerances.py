@@ -4,6 +4,7 @@ Numbers of mathematics, such as coefficients of `elementary`, stand beside their
 """
 
 TINY = 2.0**-1000  # the least divisor, length or size, in place of 0
+SMALLEST = 2.0**-1074  # the smallest positive number: in a sum with 0 or more it changes 0 alone
 # The most operations of a basic block in a long program: LLVM's time is quadratic in its length.
 OPERATIONS_OF_BLOCK = 64
 

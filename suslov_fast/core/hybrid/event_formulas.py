@@ -21,6 +21,7 @@ from ..expressions.function_records import same
 from ..expressions.programs import Expressions, Program, dot, emitted, needed_for, program_of
 from ..expressions.rounding import moved_by_projection, sizes_of, with_phases
 from ..expressions.tables import is_table
+from ..expressions.tolerances import SMALLEST
 from ..expressions.values import operand_of
 
 # How many numbers `_toward` finds for each surface.
@@ -33,7 +34,7 @@ WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh
 GAP = 0.75  # the number in the row `side` (`flow.memory`) where s has no value
 # Constants of these operations become parameters, except the _PLAIN ones, which shorten programs.
 _OF_PARAMETERS = "fadd", "fsub", "fmul", "fdiv", "max", "min", "olt", "ogt", "oge", "select"
-_PLAIN = 0.0, 1.0, -1.0
+_PLAIN = 0.0, 1.0, -1.0, SMALLEST
 
 
 class Mark:

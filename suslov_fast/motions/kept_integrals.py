@@ -14,12 +14,12 @@ from .integration import Ends
 def warn_of_unkept(ends: Ends, batch: tuple[int, ...], sign: int = 1, since: Any = 0.0) -> None:
     """Warn once of integrals that changed along motions, or whose projections were left out.
 
-    `since` is the time t at the starts, a number or (B,). Motions that failed do not count.
+    `since` is the time t at the starts, a number or (B,). Near its end no motion keeps integrals,
+    so projections that were left out in motions that failed do not count.
     """
     number, changed_at, left_at = ends.unkept.T
-    exists = ends.status >= 0
-    changes = exists & (number > 0.0)
-    is_left = exists & (left_at > 0.0) & ~changes
+    changes = number > 0.0
+    is_left = (left_at > 0.0) & (ends.status >= 0) & ~changes
     texts = []
     for marked, at, text, how in (
         (changes, changed_at, "function {} changes along f", "leave it out"),

@@ -367,3 +367,8 @@ def test_integrals_that_are_kept_cause_no_warning(rtol):
     )
     x0 = rng.normal(size=(300, 2))
     assert (flow(jumps, x0, time=20.0, rtol=rtol).status == Status.OK).all()
+    unproved = Field(lambda x: (x[1], -np.tanh(x[0])), "q p").conserving(
+        lambda x: x[1] ** 2 / 2 + np.log(np.cosh(x[0]))
+    )
+    x0 *= 10.0 ** rng.uniform(-16.0, 1.5, (300, 1))
+    assert (flow(unproved, x0, time=20.0, rtol=rtol).status == Status.OK).all()

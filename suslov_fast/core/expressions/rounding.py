@@ -1,17 +1,20 @@
 """Sizes of the values of a program: the rounding error of a value is a small part of its size."""
 
 from .dense_product import ENTRY, DenseMatrix, is_matrix
+from .function_records import RECORDS
 from .values import joined, larger, operand_of
 
 _SLOPES = {"sin": "cos", "cos": "sin"}
 
 
-def sizes_of(values, operations, state, with_branches=True):
+def sizes_of(values, operations, state, with_branches=True, through=False):
     """Return {number of a value: its size before cancellation}; sizes are `Number`s in `values`.
 
     The size of a sum or difference is the sum of the sizes of its operands; other sizes are about
     the modulus. `state` is {number of an input or value of `operations`: its operand in `values`}.
-    With `with_branches`, a branch has the size of the operand that it chooses.
+    With `with_branches`, a branch has the size of the operand that it chooses. If rounding errors
+    go `through` functions, their sizes contain changes by the sizes of their arguments: log(cosh x)
+    has a size of 1 at x = 0.
     """
     sizes = {a: abs(values.number(number)) for a, number in state.items()}
     for name, number, operands in operations:
@@ -36,6 +39,10 @@ def sizes_of(values, operations, state, with_branches=True):
         elif with_branches and name == "select":
             a, b = (values.number(abs(a)) if type(a) is float else sizes[a] for a in operands[1:])
             size = values.number(state[operands[0]]).select(a, b)
+        elif through and name in RECORDS and RECORDS[name].derivative:
+            partials = RECORDS[name].partials(values.emit, *operands, number)
+            for partial, argument in zip(partials, of, strict=False):
+                size = size + abs(values.number(partial)) * argument
         sizes[number] = size
     return sizes
 
@@ -74,9 +81,9 @@ def with_phases(values, operations, state, sizes):
 
 
 def sizes_in(values):
-    """Return a function: the size before cancellation of an operand in `values`, as a `Number`."""
+    """Return a function: the size of an operand in `values`, with changes through functions."""
     operations, state = [*values.operations], {a: a for a in range(values.count)}
-    sizes = with_phases(values, operations, state, sizes_of(values, operations, state))
+    sizes = sizes_of(values, operations, state, through=True)
     return lambda a: sizes[a] if type(a) is int else abs(values.number(a))
 
 

@@ -476,6 +476,15 @@ def test_constraints_turn_at_any_tolerance(rtol):
     assert_allclose(rest.states[0], chain_at_rest(8), atol=1e-12)
 
 
+@pytest.mark.parametrize("far", [0.0, 1e5, 1e9])
+def test_far_coordinates_do_not_end_solutions(far):
+    """An error of z is allowed that is longer than the ellipse; constraints do not read z."""
+    track = Field.from_lagrangian(
+        lambda q, v: v @ v / 2, "x y z", constraints=lambda q, v: q[0] ** 2 + 9 * q[1] ** 2 - 1
+    )
+    assert flow(track, [1, 0, far, 0, 1.0, 0.1], time=10.0, rtol=1e-3).ok
+
+
 def test_starts_near_constraints_are_moved_there():
     x = flow(pendulum(), [1 + 1e-8, 0, 0, 1.0], time=[1.0, 2.0], rtol=1e-12)
     assert_allclose(x.residuals(), 0, atol=1e-13)

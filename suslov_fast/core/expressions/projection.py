@@ -291,15 +291,16 @@ def regular_of(f):
     """Return the `Program` that reads x, w (D each), c, the state x_0 before x, and f's table.
 
     Its result is 1 if constraints are independent from x_0 to x, see above. Otherwise it is -1 if
-    the states differ by less than the allowed errors, else 0.
+    the coordinates that A reads differ by less than the allowed errors, else 0.
     """
     D, before = f.D, 2 * f.D + f.invariants_count
     formulas, before = _Formulas(f, before + D), range(before, before + D)
     number, (_, (rows, moving)) = formulas.values.number, formulas.halves()
     A_0, A = (formulas.at(x, rows, moving)[1] for x in (before, range(D)))
     between, at_end = (_Elimination(formulas.values, each, A) for each in (A_0, A))
-    w = formulas.weights(range(f.positions))
-    steps = [abs(number(j) - number(before[j])) / w[j] for j in range(f.positions)]
+    read = {j for row in rows for j in formulas.slopes[row] if j < f.positions}
+    w = formulas.weights(read or range(f.positions))
+    steps = [abs(number(j) - number(before[j])) / a for j, a in w.items()]
     length = joined("max", [larger(each, 0.0) for each in steps])  # 0 for 0 / 0
     fall = smaller(length / NEAR_LOSS_OF_RANK, FALL_OF_RANK)
     is_regular = number(0.0).equals(0.0)

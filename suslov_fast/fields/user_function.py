@@ -87,17 +87,10 @@ class UserFunction:
             return
         others = self._others[1:]
         known = [each.name for each in others if each.kind not in _STARS]
-        needed = self.needed
         if "args" in parameters and "args" not in known:
-            values = parameters["args"]
-            values = values if isinstance(values, tuple) else (values,)
-            pairs = zip(known, map(short, values), strict=False)
-            how = f"Field(f, names, {', '.join(map('='.join, pairs))})"
-            if not all(isinstance(a, Real) for a in values):
-                states = ", ".join(list(self.signature.parameters)[: 1 + self.has_time])
-                how = f"Field(lambda {states}: f({states}, *args), names)"
+            how = self._of_args(parameters["args"], known)
             raise wrong("args", "left out", f"{short(parameters['args'])}: pass {how}", TypeError)
-        missing = [name for name in needed[1:] if name not in parameters]
+        missing = [name for name in self.needed[1:] if name not in parameters]
         unknown = [name for name in parameters if not (self.takes_all or name in known)]
         takes_time = not TIME.isdisjoint(each.name for each in self._others)
         if not (takes_time or missing or unknown) and _takes_state(self._others):
@@ -117,6 +110,15 @@ class UserFunction:
             how = "pass lambda x: ..."
         expected = "a function of the state, one array, and of its parameters by name"
         raise wrong(self.role, expected, f"one of {signature}: {how}", TypeError)
+
+    def _of_args(self, values: Any, known: Sequence[str]) -> str:
+        """Return what to type in place of SciPy's `args`."""
+        values = values if isinstance(values, tuple) else (values,)
+        if not all(isinstance(a, Real) for a in values) and self.signature is not None:
+            states = ", ".join(list(self.signature.parameters)[: 1 + self.has_time])
+            return f"Field(lambda {states}: f({states}, *args), names)"
+        pairs = zip(known, map(short, values), strict=False)
+        return f"Field(f, names, {', '.join(map('='.join, pairs))})"
 
     def _of_missing(self, missing: Sequence[str], count: int) -> str:
         """Return what to type in place of a call without values of parameters."""

@@ -17,6 +17,7 @@ import random
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from contextvars import ContextVar
+from functools import partial
 from typing import Any
 
 import flint
@@ -167,21 +168,11 @@ def _interpolated(
     pairs: list[tuple[Terms, Terms]] = [({zeros: a} if a else {}, {zeros: 1}) for a in first]
     if not varying:
         return pairs
-    size, t, numbers = 4, point(), range(1, 2**60)
+    t, numbers = point(), range(1, 2**60)
     if count == 1:  # then s + z t is z, the letter itself
         s, t = [0], [1]
     most = 2 * (LARGEST_DEGREE_IN_ONE_LETTER if count == 1 else LARGEST_DEGREE_IN_LETTERS)
-    z = rng.sample(numbers, most)
-    known: list[list[int]] = [[] for _ in varying]  # values at the first numbers of z
-    while True:
-        for values, more in zip(known, along(t, z[len(known[0]) : size]), strict=True):
-            values += more
-        line = Line(z[:size], p)
-        quotients = [line.quotient(values) for values in known]
-        if all(quotients):
-            break
-        if (size := 2 * size) > most:
-            raise Unknown("degrees are too high")
+    quotients = _quotients(partial(along, t), len(varying), rng.sample(numbers, most), p)
     if count == 1:
         for i, pair in zip(varying, quotients, strict=True):
             in_z = ({(k,): int(c) for k, c in enumerate(P.coeffs()) if c} for P in pair)
@@ -189,24 +180,27 @@ def _interpolated(
         return pairs
     # For each entry, how many coefficients in z N and D have: on each line as many as on the first.
     sizes = [[max(P.degree(), 0) + 1 for P in pair or ()] for pair in quotients]
-    coefficients: list[Any] = [[] for _ in varying]
-    parts: list[Any] = [None for _ in varying]
     line = Line(rng.sample(numbers, max(map(sum, sizes)) + 1), p)
-    points: list[list[int]] = []
-    while None in parts:
-        if len(points) > MOST_LINES_OF_INTERPOLATION:
-            raise Unknown("there are too many terms")
-        for i in range(len(points), 2 * len(points) or 4):
-            points.append([pow(base, i, p) for base in _BASES[:count]])
-            for k, values in enumerate(along(points[-1], line.z)):
-                coefficients[k].append(_scaled(line.quotient(values), sizes[k]))
-        for k in [k for k, part in enumerate(parts) if part is None]:
-            of_N_and_D = zip(*coefficients[k], strict=True)
-            N_and_D = [_terms(of_lines, s, points, p) for of_lines in of_N_and_D]
-            parts[k] = None if None in N_and_D else N_and_D
-    for i, part in zip(varying, parts, strict=True):
+    for i, part in zip(varying, _of_lines(along, s, line, sizes), strict=True):
         pairs[i] = _with_unit(part, p)
     return pairs
+
+
+def _quotients(
+    values_at: Callable[[list[int]], list[list[int]]], count: int, z: list[int], p: int
+) -> list[Any]:
+    """Return N and D in z for each of `count` entries, from as few numbers z as determine them."""
+    size = 4
+    known: list[list[int]] = [[] for _ in range(count)]  # values at the first numbers of z
+    while True:
+        for values, more in zip(known, values_at(z[len(known[0]) : size]), strict=True):
+            values += more
+        line = Line(z[:size], p)
+        quotients = [line.quotient(values) for values in known]
+        if all(quotients):
+            return quotients
+        if (size := 2 * size) > len(z):
+            raise Unknown("degrees are too high")
 
 
 def _with_unit(parts: Iterable[Any], p: int) -> tuple[Terms, Terms]:
@@ -307,3 +301,22 @@ def _exponents(number: int, count: int) -> tuple[int, ...]:
         number, power = divided_out(number, base)
         exponents.append(power)
     return tuple(exponents) if number == 1 else (-1,)
+
+
+def _of_lines(along: Any, s: list[int], line: Line, sizes: list[list[int]]) -> list[Any]:
+    """Return the terms of N and D of each entry, from their coefficients on lines s + z t."""
+    coefficients: list[Any] = [[] for _ in sizes]
+    parts: list[Any] = [None for _ in sizes]
+    points: list[list[int]] = []
+    while None in parts:
+        if len(points) > MOST_LINES_OF_INTERPOLATION:
+            raise Unknown("there are too many terms")
+        for i in range(len(points), 2 * len(points) or 4):
+            points.append([pow(base, i, line.p) for base in _BASES[: len(s)]])
+            for k, values in enumerate(along(points[-1], line.z)):
+                coefficients[k].append(_scaled(line.quotient(values), sizes[k]))
+        for k in [k for k, part in enumerate(parts) if part is None]:
+            of_N_and_D = zip(*coefficients[k], strict=True)
+            N_and_D = [_terms(of_lines, s, points, line.p) for of_lines in of_N_and_D]
+            parts[k] = None if None in N_and_D else N_and_D
+    return parts

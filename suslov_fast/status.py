@@ -114,8 +114,9 @@ class IntegrationWarning(RuntimeWarning):
       states belong to the map. They approximate the motion only if the orbit does not move along
       the eigenvector of mu. Methods of order 4 to 8 have sub-steps backwards in time, in which a
       mode that decays fast looks like a pole.
-    - **Solutions of** :func:`flow` **end** before the last time, or lose the digits of a component.
-      One warning counts these solutions, and names the first trajectory.
+    - **Solutions of** :func:`flow` **end** before the last time, lose the digits of a component, or
+      do not keep a function of :meth:`Field.conserving`, which has the status `NOT_KEPT`. One
+      warning counts these solutions, and names the first trajectory.
     """
 
 

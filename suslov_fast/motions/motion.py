@@ -40,7 +40,8 @@ class Motion(States):
         Names of the components.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory: OK; STOPPED, which is positive, if an event ended
-        it; or negative if it has no state at the last time.
+        it; NOT_KEPT, positive too, if it does not keep a function of :meth:`Field.conserving`; or
+        negative if it has no state at the last time.
     end : ndarray(float, shape=(...))
         The last time of each trajectory: the last one in `time`, or the time at which the solution
         or its computation ended.

@@ -31,9 +31,9 @@ NOISE_OF_STEP = 2.0**-48  # an error may be noise if it is less than this of the
 # A step waits for results more than it computes. So if a register holds WIDTH lanes, lanes in two
 # of them, or in four if f calls functions, take .75 to .9 of the time: with so few rows of the
 # workspace that it stays in the fastest cache, and so many trajectories for each lane. LLVM takes
-# .03 to .1 s more. So WIDTH lanes come first, until batches have spent so many budgets, in .4 to
-# 1.6 s.
-MOST_ROWS_OF_WIDE, ROUNDS_OF_WIDE, SPENT_BEFORE_WIDE = 384, 4, 256.0
+# .03 to .1 s more. So WIDTH lanes come first, until batches have spent so many budgets, in .1 to
+# .6 s: about as long as it takes to gain what LLVM costs.
+MOST_ROWS_OF_WIDE, ROUNDS_OF_WIDE, SPENT_BEFORE_WIDE = 384, 4, 96.0
 TRAJECTORIES_OF_THREAD = 1024  # trajectories that one thread takes at a time
 WORK_WITHOUT_PAUSE = 2**18  # operations of f in all lanes, after which Python handles Ctrl-C
 LEAST_RTOL = 1e-13

@@ -31,10 +31,8 @@ UNKEPT = 3  # rows with the results of tests of first integrals
 
 def rows_of_trajectory(integrator):
     """Return the first row of each part of a trajectory's data, and their number, `size`."""
-    f, events = integrator.f, integrator.events
-    D, chooses, acts = f.D, int(f.hybrid.chooses), int(f.hybrid.acts)
-    surfaces, actions = integrator.event_surface_count, events.count if acts else 0
-    searches = integrator.searches
+    f, searches = integrator.f, integrator.searches
+    D, chooses = f.D, int(f.hybrid.chooses)
     return _first_rows(
         x=D,  # the state
         f_x=D + len(f.denominators),  # f(x), then denominators that may not change sign
@@ -45,22 +43,7 @@ def rows_of_trajectory(integrator):
         beyond=integrator.D_of_surfaces,
         chosen_at=chooses,  # time at which branches of f changed last
         chosen_often=chooses,  # how often in a row branches of f changed again at once
-        # Two rows for each surface s = 0 of an event: the side, 1 if s >= level, 0 if s < level,
-        # STAYS if the state stays on the surface, `GAP` if s is NaN; then the level.
-        side=2 * surfaces,
-        action_counts=actions,  # how often each event has acted
-        acted_at=surfaces,  # when each event on a surface has acted last
-        pause=surfaces,  # time between the last two actions of each event on a surface
-        # When each surface was crossed last; -infinity if the action there led back, or if another
-        # action led across it by more than rounding.
-        crossed_at=surfaces,
-        stop=acts,  # modulus of the next given time of an event, infinity after the last
-        stop_which=acts,  # number of the event at the time `stop`
-        stop_place=acts,  # place of the time `stop` in the list of given times, an integer
-        at=acts,  # time of the last action; the limit of these times if actions accumulate
-        recorded=acts,  # number of crossings that events have recorded without acting
-        often=acts,  # how often in a row an event has acted again at once
-        resting=acts,  # number of surfaces on which the state stays
+        **_lasting_rows_of_events(integrator),
         levels=f.of_x.invariants_count,  # values of kept invariants, see `projected_states`
         unkept=UNKEPT * bool(f.of_x.left_out),  # see `projected_states.note`
         t=1,  # modulus of the time
@@ -86,6 +69,30 @@ def rows_of_trajectory(integrator):
         place=1,  # number of the next requested time, an integer
         trajectory=1,  # number of the trajectory, an integer
     )
+
+
+def _lasting_rows_of_events(integrator):
+    """Return the numbers of rows of events that last from step to step, by name."""
+    acts, surfaces = int(integrator.f.hybrid.acts), integrator.event_surface_count
+    actions = integrator.events.count if acts else 0
+    return {
+        # Two rows for each surface s = 0 of an event: the side, 1 if s >= level, 0 if s < level,
+        # STAYS if the state stays on the surface, `GAP` if s is NaN; then the level.
+        "side": 2 * surfaces,
+        "action_counts": actions,  # how often each event has acted
+        "acted_at": surfaces,  # when each event on a surface has acted last
+        "pause": surfaces,  # time between the last two actions of each event on a surface
+        # When each surface was crossed last; -infinity if the action there led back, or if another
+        # action led across it by more than rounding.
+        "crossed_at": surfaces,
+        "stop": acts,  # modulus of the next given time of an event, infinity after the last
+        "stop_which": acts,  # number of the event at the time `stop`
+        "stop_place": acts,  # place of the time `stop` in the list of given times, an integer
+        "at": acts,  # time of the last action; the limit of these times if actions accumulate
+        "recorded": acts,  # number of crossings that events have recorded without acting
+        "often": acts,  # how often in a row an event has acted again at once
+        "resting": acts,  # number of surfaces on which the state stays
+    }
 
 
 def rows_of_work(integrator):

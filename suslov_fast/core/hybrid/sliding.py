@@ -220,7 +220,7 @@ class SlidingEquations(_Rates):
     def __init__(self, values, results, D, P, actions=(), sign=1, invariants=NOTHING):
         f, self.size = program_of(values.operations, results), 0
         levels = invariants.constraints, program_of(values.operations, invariants.operands)
-        self.sign = sign = float(sign)
+        self.sign = float(sign)
         comparisons, pairs = _comparisons_in(values, f)
         touching = {k: a for k, a in enumerate(actions) if may_be_contact(a, D, P)}
         if len(pairs) + len(touching) > MOST_MODES:
@@ -239,15 +239,25 @@ class SlidingEquations(_Rates):
         if not 0 < changes * len(self.constraints) <= MOST_PAIRS_OF_MODES:
             self.size = 0
             return
+        self._find_rates()
+        self._find_surfaces()
+        self._find_actions(actions)
+
+    def _find_rates(self):
+        """Find rates along modes, and what contacts need."""
         self.contacts = {k: contact.mode for k, contact in self.touching.items()}
         f, self.factors, matrix = self.with_sides({})
         rates_of_modes = [0.0] * self.size
         if self.has_clock:
-            rates_of_modes[-1] = sign
+            rates_of_modes[-1] = self.sign
         if self.contacts:
-            self.resting = Contacts(self.values, self.touching, self.factors, matrix, sign)
+            self.resting = Contacts(self.values, self.touching, self.factors, matrix, self.sign)
             f = self.resting.with_pull(f)
         self.results = f + rates_of_modes
+
+    def _find_surfaces(self):
+        """Find rates of surfaces, and which of their modes depend on one another."""
+        D = self.D
         of_modes = enumerate(self.surfaces, D)
         changes = {mode: -self.values.number(s) for mode, s in of_modes}
         constraints = {mode: self.constraints[mode] for mode in changes}
@@ -262,10 +272,13 @@ class SlidingEquations(_Rates):
             for g in range(self.count)
         ]
         self.toward = [self._toward(g) for g in range(self.count)]
+
+    def _find_actions(self, given):
+        """Find the actions of all events, from those `given`, and of modes."""
         modes = [self._action_of_mode(g) for g in range(self.count)]
-        start = KeyedProgram.of(self.values, self._with_modes(range(D + self.size)))
+        start = KeyedProgram.of(self.values, self._with_modes(range(self.D + self.size)))
         self.recorders = {}
-        events = [self._event(k, action) for k, action in enumerate(actions)]
+        events = [self._event(k, action) for k, action in enumerate(given)]
         n = self.surfaces_of_events = sum(action.surface is not None for action in events)
         start = EventAction(None, start, 0, inf)
         self.actions = (*events[:n], *modes, start, *events[n:], *self._search())

@@ -11,7 +11,7 @@ import pickle
 import shutil
 import uuid
 import warnings
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -151,14 +151,7 @@ def ensemble(
         length = math.ceil(N / count)
         names = [*empty.to_xarray().status.dims[:-1], _AXIS]
         whole, encoding = _whole(to_xarray(empty, names), given, N, length)
-        run = {k: _digest(value) for k, value in given.items() if k not in ("threads", "system")}
-        system_only = system.to_dict()
-        parameters = system_only.pop("parameters", {})
-        if "names" not in system_only:  # a body, with its parameters as entries
-            parameters, system_only = system_only, {"body": system_only.pop("body")}
-        run |= {f"parameter {name}": _digest(value) for name, value in parameters.items()}
-        run["system"] = _digest(system_only)
-        whole.attrs["ensemble"] = json.dumps(run | {"chunks": length})
+        whole.attrs["ensemble"] = json.dumps(_digests(given) | {"chunks": length})
         status = _prepared(store, whole, encoding)
         given |= {"x0": x0 if callable(x0) else states} | ({"threads": 1} if client else {})
         columns = [name for name, how in encoding.items() if "fill_value" in how]
@@ -177,6 +170,17 @@ def ensemble(
     data = xarray.open_zarr(store)
     _check_end(data, goes_on, store)
     return data
+
+
+def _digests(given: Mapping[str, Any]) -> dict[str, str]:
+    """Return digests of all arguments that decide about the states, and of each parameter."""
+    run = {k: _digest(value) for k, value in given.items() if k not in ("threads", "system")}
+    system = given["system"].to_dict()
+    parameters = system.pop("parameters", {})
+    if "names" not in system:  # a body, with its parameters as entries
+        parameters, system = system, {"body": system.pop("body")}
+    run |= {f"parameter {name}": _digest(value) for name, value in parameters.items()}
+    return run | {"system": _digest(system)}
 
 
 def _check_end(data: Any, goes_on: bool, store: Any) -> None:

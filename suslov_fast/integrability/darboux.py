@@ -341,6 +341,18 @@ def _divisors(
             if len(rows := equations(f, size, power)) == count:
                 break
             systems[-1].append(rows)
+    for powers in _joint_powers(systems, sizes, count, p, most):
+        yield powers[at_infinity:]
+
+
+def _joint_powers(
+    systems: list[list[Residues]], sizes: list[int], count: int, p: int, most: int
+) -> Iterator[tuple[int, ...]]:
+    """Yield a power of each factor, whose equations for `count` unknowns have a common solution.
+
+    `systems` has the equations modulo p by factor and power, `sizes` the degrees of the factors.
+    The product of all powers has the degree `most`.
+    """
     largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
     def extended(powers: tuple[int, ...], system: Residues, free: int) -> Iterator[tuple[int, ...]]:
@@ -350,8 +362,8 @@ def _divisors(
         the linear equations for P that `powers` imply.
         """
         k = len(powers)
-        if k == len(divisors):
-            yield powers[at_infinity:]
+        if k == len(systems):
+            yield powers
             return
         for power, rows in enumerate(systems[k]):
             rest = free - power * sizes[k]

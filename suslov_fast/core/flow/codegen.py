@@ -5,7 +5,7 @@
 
 from math import inf
 
-from ..llvm.text import Carried, Integers, Shared, Truth
+from ..llvm.text import Integers, Shared, Truth
 from .code_arguments import COMPONENT, NUMBER, SLOT, CodeArguments, ComponentNumbers, SharedNumbers
 
 
@@ -119,12 +119,10 @@ class StepCode(FunctionCode):
 
     def lanes_with(self, bits):
         """Add a loop over lanes k where bit k of `bits` is 1; yield 8 k, the offset in bytes."""
-        text = self.text
-        with text.when(bits.differs(0)):
-            for now in text.rounds(Carried(left=bits)):
-                yield now.left.trailing_zeros() * 8
-                now.left = now.left & (now.left - 1)
-                now.goes_on = now.left.differs(0)
+        for lane in self.text.each(self.text.W):
+            bit = (bits >> lane) & 1
+            with self.text.when(bit.equals(1)):
+                yield lane * 8
 
     def put_clocks(self, one, offset, time, to):
         """Write clocks, their rates times `time`, into the state of the lane `one` at `to`.

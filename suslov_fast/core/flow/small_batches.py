@@ -127,7 +127,11 @@ def solve_small_batch(f, table, x0, request):
         if B > 1 or end >= LaneState.DONE:
             break
         runner.use(batch_solver.integrator_of(f, int(end), request.settings))  # it turns
-    states, records = runner.states.copy(), runner.records
+    states, records = runner.states, runner.records
+    if states.size > STATES_IN_MEMORY:
+        runner.moduli = runner.times = runner.states = None
+    else:
+        states = states.copy()
     if runner.is_clear():
         columns = {}
         for name, row, kind in runner.columns:  # faster than a comprehension
@@ -138,7 +142,5 @@ def solve_small_batch(f, table, x0, request):
     else:
         own = runner.table.copy() if f.hybrid.chooses else None
         found = states, None, None, (runner.rows.copy(), own, records)
-    if states.size > STATES_IN_MEMORY:
-        runner.moduli = runner.times = runner.states = None
     free.append(runner)
     return found

@@ -148,11 +148,6 @@ class Index(_Comparable):
             return a
         return super()._operate(instruction, a, b)
 
-    def trailing_zeros(self):
-        """Return the number of the lowest bit that is 1; one of the bits must be 1."""
-        self.text.target.declared.add("declare i64 @llvm.cttz.i64(i64, i1)")
-        return Index(self.text, self.text.new(f"call i64 @llvm.cttz.i64(i64 {self}, i1 true)"))
-
 
 _add_operators(Truth, **{"and": "and", "or": "or", "xor": "xor"})
 _add_operators(Value, add="fadd", sub="fsub", mul="fmul", truediv="fdiv")

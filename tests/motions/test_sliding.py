@@ -493,6 +493,28 @@ def test_relays_that_meet_are_left_one_after_the_other(n, stiff):
     np.testing.assert_allclose(phases.time[leaves], left[left < 8.0], rtol=1e-9)
 
 
+@pytest.mark.parametrize("stiff", [None, True])
+def test_components_at_rest_do_not_shorten_steps(stiff):
+    """Where three coupled relays hold their states at 1e-17, only rounding changes these."""
+    rng = np.random.default_rng(11)
+    b, C = rng.uniform(-1, 1, (3, 40)), rng.uniform(-1, 1, (3, 3, 40))
+    C[range(3), range(3)] -= 2.0
+    p = {f"b{i}": b[i] for i in range(3)} | {
+        f"c{i}{k}": C[i, k] for i in range(3) for k in range(3)
+    }
+    field = Field(
+        lambda s, **p: [
+            p[f"b{i}"] - 0.2 * s[i] + sum(p[f"c{i}{k}"] * np.sign(s[k]) for k in range(3))
+            for i in range(3)
+        ],
+        3,
+        **p,
+    )
+    motion = flow(field, rng.uniform(-1, 1, (40, 3)), time=3.0, stiff=stiff)
+    assert motion.ok.all()
+    assert motion.steps.max() < 500
+
+
 @pytest.mark.parametrize("others", [0, 1, 2])
 def test_motions_wind_into_a_corner_though_one_surface_repels(rng, others):
     """f leads away from y = 0, but each turn ends nearer to the corner of x = 0 and y = 0.

@@ -103,7 +103,7 @@ class Integrator:
             ("watch", f.hybrid.watch, 2 * self.surface_count + sides),
             ("aim", f.hybrid.aim[self.rule.damps], 2 * D + sides),
             ("double_crossings", self.double_crossings.decision, self.at_points + D + 1),
-            ("rates", self.double_crossings.rates, 2 * D + 1),
+            ("rates", self.double_crossings.rates, 3 * D + 1),
         ):
             if program:
                 places = {first + k: k for k in range(len(self.f.of_x.table))}

@@ -150,8 +150,8 @@ def _rows_of_surfaces(integrator):
         "point": of_surfaces,  # the state at one of the POINTS
         # Terms of degree 4 of states in a step (`QUARTIC`).
         "quartic": f.of_x.D if of_surfaces else 0,
-        # Inputs of `rates`: the state at a point, its change in a step, rtol.
-        "moving": 2 * of_surfaces + 1,
+        # Inputs of `rates`: the state at a point, its change in a step, largest moduli, rtol.
+        "moving": 3 * of_surfaces + 1,
         "decision": 3,  # results of `DoubleCrossings.decision`
         # Inputs of `aim`: the next state, f there, sides of events.
         "end": 2 * (of_surfaces + surfaces),

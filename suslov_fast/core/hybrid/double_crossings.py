@@ -51,6 +51,7 @@ from .tolerances import (
     LEAST_OF_THIRD,
     MOST_HIDDEN,
     ROUNDING_BETWEEN_POINTS,
+    ROUNDING_OF_STEPS,
     STRAIGHT,
     ZERO_RATE_OF_TERMS,
 )
@@ -135,22 +136,24 @@ def _rates_of(f, watched, humps):
 
     `humps` are the values s that may have a hump (head of this file). For each the program gives
     ds/du, with the fraction u of a step, and a bound below which ds/du counts as 0. It reads the
-    state x, dx/du, rtol, and the table of f.
+    state x, dx/du, the largest |x| so far, rtol, and the table of f.
     """
     if not humps:
         return None
     D = f.D
-    values = Expressions(2 * D + 1 + len(f.table), range(D, 2 * D + 1 + len(f.table)))
-    new = {i: i for i in range(D)} | {a: 2 * D + 1 + k for a, k in f.places.items()}
+    first = 3 * D + 1
+    values = Expressions(first + len(f.table), range(D, first + len(f.table)))
+    new = {i: i for i in range(D)} | {a: first + k for a, k in f.places.items()}
     surfaces = emitted(values, program_of(watched.operations, humps), new)
-    results, of_states = [], values.number(2 * D) + ERROR_OF_POINTS
+    results, of_states = [], values.number(3 * D) + ERROR_OF_POINTS
     rows, v = gradients_along(values, surfaces, D, {j: D + j for j in range(D)})
     for row in rows:
         rate = zero = 0.0
         for j, slope in row.items():
             term = values.number(slope) * values.number(v.get(j, 0.0))
             rate, zero = rate + term, zero + abs(term) * ZERO_RATE_OF_TERMS
-            zero = zero + abs(values.number(slope) * values.number(j)) * of_states
+            rounding = values.number(2 * D + j) * ROUNDING_OF_STEPS
+            zero = zero + abs(values.number(slope)) * (abs(values.number(j)) * of_states + rounding)
         results += [operand_of(rate), operand_of(zero)]
     return program_of(values.operations, results)
 

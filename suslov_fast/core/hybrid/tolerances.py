@@ -20,8 +20,10 @@ LEAST_OF_THIRD = 2.0**-7
 # A hump of s between two points is narrow if the straight line through the rates ds/du there misses
 # the rate at a neighbouring point by over STRAIGHT times the difference of both. A rate counts as
 # 0 up to ZERO_RATE_OF_TERMS times its terms, plus the change of s if x has relative errors
-# ERROR_OF_POINTS + rtol.
+# ERROR_OF_POINTS + rtol, and errors of ROUNDING_OF_STEPS times their largest moduli: a solution at
+# rest on several surfaces has components of 1e-17 that change by rounding alone.
 STRAIGHT, ZERO_RATE_OF_TERMS, ERROR_OF_POINTS = 0.25, 2.0**-10, 2.0**-38
+ROUNDING_OF_STEPS = 2.0**-48
 
 # ------------------------------------------------------------------------------ event_formulas
 # Errors of s, relative to its terms: by rounding in s, and by rounding of the state after a step.

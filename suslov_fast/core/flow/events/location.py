@@ -403,7 +403,8 @@ def _look_inside(code, k, u, x):
         for i in _read(code):
             moving[i] = x[i]
             moving.after(D)[i] = (work.start[i] - x[i]) * (1.0 / (beside - u))
-        moving[2 * D] = code.number("rtol")
+            moving.after(2 * D)[i] = code.line.largest[i]
+        moving[3 * D] = code.number("rtol")
         code.call("rates", moving, code.table, rates)
 
 

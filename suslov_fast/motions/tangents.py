@@ -39,7 +39,7 @@ from ..fields.constraints import constraints_of
 from ..fields.right_hand_sides import with_events
 from ..maps.ordered_algebra import dual_product, orthonormal
 from ..status import Status
-from .extension import extended
+from .extension import divided, extended
 from .integration import STATUS, SolverResult, empty_result, right_hand_sides
 from .tangent_spaces import TangentSpaces
 from .tolerances import (
@@ -274,10 +274,10 @@ class _Run:
         start = extended(self.x[which], columns, u_and_s)
         event_times = self._event_times_of(which)
         engine = self._solved(which, length, self.tangent, self._table(which), start, event_times)
-        (end,), ended = engine.states, engine.state != LaneState.DONE
-        columns = end[:, D:-2].reshape(K, n, D)[:, :, self.moving]
+        (x, others), ended = divided(engine.states[0], D), engine.state != LaneState.DONE
+        columns = others[:, :-2].reshape(K, n, D)[:, :, self.moving]
         V = columns.transpose(0, 2, 1) / sizes[:, None, None]
-        Q, diagonal = self._decomposed(end[:, :D], V, which)
+        Q, diagonal = self._decomposed(x, V, which)
         is_changed, passed = self._changes_of(engine, K)
         lives = ~self.dead[which]
         largest = diagonal.max(axis=1, where=lives, initial=0.0)
@@ -296,16 +296,16 @@ class _Run:
         is_good = ~ended & (is_last | (part > LEAST_DIAGONAL) & (largest < LARGEST_DIAGONAL))
         with np.errstate(all="ignore"):
             logs = np.log(diagonal)
-            of_trace = end[:, -1] / sizes - logs[:, :-1].sum(axis=1)
+            of_trace = others[:, -1] / sizes - logs[:, :-1].sum(axis=1)
         logs[:, -1] = np.where(matters[:, -1], logs[:, -1], of_trace)
         self.passed[which[is_good]] += passed[is_good]
         self.count[which[is_good]] += 1
-        self._accept(which, is_good, length, engine, Q, np.where(lives, logs, 0.0))
+        self._accept(which, is_good, length, x, engine.lost, Q, np.where(lives, logs, 0.0))
         if is_last and self.event_times is not None:
             least = np.maximum(DEAD_DIAGONAL * largest, DIAGONAL_WITHOUT_DIGITS)[:, np.newaxis]
             dies = is_good[:, np.newaxis] & matters & (diagonal <= least)
             for k in np.flatnonzero(dies.any(axis=1)):
-                self._bury(which[k], dies[k], end[k, :D], V[k])
+                self._bury(which[k], dies[k], x[k], V[k])
         return is_good, is_good & (part * part > LEAST_DIAGONAL)
 
     def _segment_of_frame(
@@ -326,26 +326,27 @@ class _Run:
         start = extended(x, W + SHIFT, np.zeros((K, n)))
         table = np.ascontiguousarray(frame.table_of(table.T).T)
         engine = self._solved(which, length, frame, table, start)
-        (end,), ended = engine.states, engine.state != LaneState.DONE
+        (x, others), ended = divided(engine.states[0], D), engine.state != LaneState.DONE
         if starts is not None:
-            end[:, [*self.f.hybrid.offsets]] += starts
-        W = V = end[:, D:-n].reshape(K, n, n) - SHIFT
+            x[:, [*self.f.hybrid.offsets]] += starts
+        W = V = others[:, :-n].reshape(K, n, n) - SHIFT
         off, turned = abs(dual_product(W, W) - np.eye(n)).max(axis=(1, 2)), np.zeros(K)
         if spaces:
-            V, turned = spaces.tangents(end[:, :D], U, W, which)
-        Q, diagonal = self._decomposed(end[:, :D], V, which)
+            V, turned = spaces.tangents(x, U, W, which)
+        Q, diagonal = self._decomposed(x, V, which)
         self.has_frames[which[ended & (is_last or not spaces)]] = False
         off = off / (SKEWNESS_OF_FRAME * self.settings.rtol)
         is_good = ~ended & (is_last | (off <= 1.0) & (turned <= TURN_OF_TANGENT_SPACE))
-        self._accept(which, is_good, length, engine, Q, end[:, -n:] + np.log(diagonal))
+        logs = others[:, -n:] + np.log(diagonal)
+        self._accept(which, is_good, length, x, engine.lost, Q, logs)
         return is_good, is_good & (4.0 * off <= 1.0) & (2.0 * turned <= TURN_OF_TANGENT_SPACE)
 
     def _accept(
-        self, which: Any, is_good: Any, length: float, engine: BatchSolver, Q: Any, logs: Any
+        self, which: Any, is_good: Any, length: float, x: Any, lost: Any, Q: Any, logs: Any
     ) -> None:
         """Go on from the end of a segment in those trajectories in which it was short enough."""
         go = which[is_good]
-        self.x[go], self.lost[go] = engine.states[0, is_good, : self.f.D], engine.lost[is_good]
+        self.x[go], self.lost[go] = x[is_good], lost[is_good]
         self.Q[go] = Q[is_good]
         self.logs[go] += logs[is_good]
         self.duration[go] += length

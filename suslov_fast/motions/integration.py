@@ -290,11 +290,11 @@ def _result_of(engine: BatchSolver, x0: FloatArray) -> SolverResult:
     """Return the `SolverResult` of a run from `x0` (B, D)."""
     records = _rows_of(engine.records, x0, engine.request)
     ends_early = np.count_nonzero(engine.state != LaneState.DONE) or engine.is_stopped
-    is_unkept = engine.unkept.any(axis=1)
-    if not (ends_early or np.count_nonzero(engine.doubtful) or np.count_nonzero(is_unkept)):
+    keeps = not (engine.f.of_x.left_out and np.count_nonzero(engine.unkept))
+    if keeps and not (ends_early or np.count_nonzero(engine.doubtful)):
         return SolverResult(engine.states, engine.columns, records=records)
     status = STATUS[engine.state]
-    status[(status == Status.OK) & is_unkept] = Status.NOT_KEPT
+    status[(status == Status.OK) & engine.unkept.any(axis=1)] = Status.NOT_KEPT
     ends = Ends(
         t=np.where(engine.state == LaneState.DONE, np.nan, engine.request.sign * engine.t),
         status=status,

@@ -334,7 +334,8 @@ class _Run:
         if spaces:
             V, turned = spaces.tangents(x, U, W, which)
         Q, diagonal = self._decomposed(x, V, which)
-        self.has_frames[which[ended & (is_last or not spaces)]] = False
+        ended |= ~np.isfinite(turned)
+        self.has_frames[which[ended]] = False
         off = off / (SKEWNESS_OF_FRAME * self.settings.rtol)
         is_good = ~ended & (is_last | (off <= 1.0) & (turned <= TURN_OF_TANGENT_SPACE))
         logs = others[:, -n:] + np.log(diagonal)

@@ -314,6 +314,8 @@ def interpolated(
         raise Untraceable("xp and fp of np.interp must be finite, and have one length")
     if period is not None:  # one turn, with the last knot before it and the first one after it
         turn = abs(float(period))
+        if not 0.0 < turn < math.inf:
+            raise Untraceable("the period of np.interp must be finite, and not 0")
         x, knots = np.mod(x, turn), knots % turn
         order = np.argsort(knots, kind="stable")
         knots = np.concatenate([[knots[order[-1]] - turn], knots[order], [knots[order[0]] + turn]])

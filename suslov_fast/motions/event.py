@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from numbers import Real
+from numbers import Integral, Real
 from types import CellType, CodeType, FunctionType
 from typing import Any
 
@@ -328,7 +328,7 @@ def _as_in_scipy(event: Event) -> tuple[Any, Any, Any]:
         direction = int(np.sign(float(sign))) if isinstance(sign, Real) else sign
     if terminal is False and most is None:  # a number is that of the event that ends the motion
         terminal = getattr(event.surface, "terminal", False)
-        if isinstance(terminal, int) and not isinstance(terminal, bool):
+        if isinstance(terminal, Integral) and not isinstance(terminal, bool):
             terminal, most = False, terminal or None
     return terminal, direction, most
 

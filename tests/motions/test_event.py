@@ -65,7 +65,13 @@ def as_in_scipy(**attributes):
 
 @pytest.mark.parametrize(
     "attributes",
-    [{}, {"direction": 0.5}, {"direction": -3}, {"terminal": 1}, {"terminal": 2, "direction": 1}],
+    [
+        {},
+        {"direction": 0.5},
+        {"direction": -3},
+        {"terminal": 1},
+        {"terminal": np.int64(2), "direction": 1},
+    ],
 )
 def test_surfaces_as_scipy_takes_them(attributes):
     surface = as_in_scipy(**attributes)

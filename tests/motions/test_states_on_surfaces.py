@@ -299,6 +299,9 @@ POLES = {  # s, and a function of q and t with the zeros of s alone
     "inverse": (lambda s: 1 / s[0] - 0.7, lambda q, t: 1 - 0.7 * q),
     "cube": (lambda s: (s[0] - 1.2) / (s[0] + 0.3) ** 3, lambda q, t: q - 1.2),
     "of time": (lambda s: np.tan(s[2]) - s[0], lambda q, t: np.sin(t) - q * np.cos(t)),
+    # Here s has the same sign on both sides of the pole, where a step ends at the kink of abs.
+    "logarithm": (lambda s: np.log(abs(s[0])), lambda q, t: abs(q) - 1),
+    "modulus": (lambda s: 1 / abs(s[0]) - 0.7, lambda q, t: 1 - 0.7 * abs(q)),
 }
 
 

@@ -118,3 +118,9 @@ def test_times_before_or_after_a_table_are_told_of(start, is_told):
         motion = sf.flow(fed(*table, k=0.3), [0.0, start], time=[1.0, 8.0])
     right = [relaxed(0.0, 0.3, start, start + t, *table) for t in motion.time]
     np.testing.assert_allclose(motion["x"], right, rtol=1e-8)
+
+
+@pytest.mark.parametrize("period", [0.0, np.inf, np.nan])
+def test_periods_of_tables_are_finite_and_not_0(period):
+    with pytest.raises(TypeError, match="the period of"):
+        sf.Field(lambda x: [np.interp(x[0], [0, 1], [1, 2], period=period)], "x")

@@ -56,6 +56,9 @@ SLOW_AT_SURFACE = 2.0**-20
 # At a pole |s| grows by more than GROWTH_TO_POLE from the start to the end of a step, which is as
 # near as ACCURACY_OF_CROSSING.
 GROWTH_TO_POLE = 2.0**10
+# If |s| is more than FAR_FROM_SURFACE times the sum of the moduli of its terms, s does not become 0
+# at once, however large ds/dt is.
+FAR_FROM_SURFACE = 2.0**-10
 # ds/dt after events is compared with ds/dt a moment later: MOMENT times the last step, or if this
 # step was cut to less than 1 / GROWTH_AFTER_SURFACE times the next one, of that length. After a
 # step of 4e-15 the change of ds/dt was rounding, and a hop was not seen.

@@ -28,8 +28,8 @@ from ..expressions.values import operand_of
 OF_SURFACE = 5
 _BRANCHES = "select", "max", "min", "fabs", "floor"  # with these, s may be 0 in a neighbourhood
 # Operations that have no value for some operands.
-_WITH_POLES = "fdiv", "tan", "pow"
 _LOGARITHMS = "log", "log2", "log10", "log1p"
+_WITH_POLES = "fdiv", "tan", "pow", *_LOGARITHMS
 WITH_GAPS = "fdiv", "sqrt", "pow", *_LOGARITHMS, "asin", "acos", "acosh", "atanh"
 GAP = 0.75  # the number in the row `side` (`flow.memory`) where s has no value
 # Constants of these operations become parameters, except the _PLAIN ones, which shorten programs.

@@ -28,6 +28,7 @@ from ..tolerances import (
     AT_ONCE,
     EDGE,
     FACTOR_AT_FIRST,
+    FAR_FROM_SURFACE,
     FASTER_AFTER_ACTION,
     GROWTH_AFTER_SURFACE,
     GROWTH_TO_POLE,
@@ -145,7 +146,7 @@ def CROSSED(
     of_terms = stays.select(LOW_AFTER_ACTION, NOISE_OF_SURFACE) * size
     at = (holds > 1.0).select(0.0, level)
     near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign, at)
-    on = near_surface["is_on"] > 0.0
+    on = (near_surface["is_on"] > 0.0) & (abs(value) < inf)
     is_slow = SLOW_AT_SURFACE * last * abs(rate) <= ROUNDING_OF_SURFACE * size
     of_rest = is_slow | near_surface["side"].equals(STAYS)
     is_back = (side > 0.5).select(sign * rate, -(sign * rate)) > 0.0
@@ -158,6 +159,9 @@ def CROSSED(
     is_pole = (on & is_back & has_grown) | abs(value).equals(inf)
     is_pole = is_pole & by_motion & (may_have_poles > 0.5)
     here = is_pole.select(of_value, here)
+    # Just beyond the pole of log(abs(q)) the rate leads to 0 at once, but s is as large as a term.
+    is_large = (abs(value) > FAR_FROM_SURFACE * size) & of_value.equals(side)
+    here = (is_large & (may_have_poles > 0.5)).select(side, here)
     # With `EventAction.holds` 2, a rate alone changes no side: s must also have passed `level`.
     here = ((holds > 1.0) & ~is_back).select(of_value, here)
     now = has_side.select(on.select(here, of_value), stays.select(near_surface["side"], of_value))

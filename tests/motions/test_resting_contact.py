@@ -357,3 +357,14 @@ def test_a_start_at_rest_is_told_of_beside_a_mode():
             f, [0.0, 0.0, 1.0, 0.0], time=20.0, events=Event("h", direction=-1, terminal=True)
         )
     np.testing.assert_allclose(motion.final, [-1962.0, -196.2, -0.1, 0.0], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("k", [0.9, 0.2])
+def test_actions_that_slow_a_body_hold_it_nowhere(k):
+    fall = Field(lambda s: (s[1], -1.0), "h v")
+    drag = Event(lambda s: s[0] - 1, to=lambda s: (s[0], k * s[1]))
+    with pytest.warns(UserWarning, match="leaves it without an event"):
+        motion = flow(fall, [[1.0, 0.0], [1.5, 0.0]], time=2.0, events=drag)
+    v = -k  # after the action at t = 1, in the second
+    np.testing.assert_allclose(motion.final, [[-1.0, -2.0], [1 + v - 0.5, v - 1]], atol=1e-9)
+    assert len(motion.phases.mode) == 0

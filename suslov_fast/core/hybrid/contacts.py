@@ -41,6 +41,7 @@ class Contact:
     constraint    the `Constraint` of a body at rest: d2s/dt2 = 0
     landing       the `Constraint` that moves a body that comes to rest onto s = 0, along the
                   gradient of s without clocks; sub-steps lose a pull back by a few last digits
+    passed        how fast ds/dt after the action grows with ds/dt before it
     bend, square  d2s/dt2 of the free body, and the sum of the squares of the terms of d2s/dt2
     rounding      the sum of the squares of ds/dx_i x_i: relative errors of x_i change s by a part
                   of its root
@@ -52,14 +53,13 @@ class Contact:
         [s], self.to = (emitted(values, program, dict(values.inputs)) for program in action[:2])
         [gradient] = values.slopes([s])
         self.s, self.rate = values.number(s), values.dot(gradient, f)
+        [normal, *rows] = values.slopes([self.rate.number, *self.to])
+        n = values.tangent([normal.get(i, 0.0) for i in range(values.D)])
+        moved = [values.dot(row, n).number for row in rows]
+        self.passed = values.dot(normal, moved)
+        direction = [*map(values.difference, n, moved)]
         if action.push:
-            [normal] = values.slopes([self.rate.number])
             direction = emitted(values, action.push, dict(values.inputs))
-        else:
-            [normal, *rows] = values.slopes([self.rate.number, *self.to])
-            n = values.tangent([normal.get(i, 0.0) for i in range(values.D)])
-            moved = [values.dot(row, n).number for row in rows]
-            direction = [*map(values.difference, n, moved)]
         self.constraint = Constraint(values.number(mode) < 0.5, normal, direction)
         way = [gradient.get(i, 0.0) if not values.is_fixed(a) else 0.0 for i, a in enumerate(f)]
         self.landing = Constraint(self.constraint.holds, gradient, values.tangent(way))

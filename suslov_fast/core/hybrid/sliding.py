@@ -132,6 +132,13 @@ class _Rates:
         gradient, direction = self.constraints[a].gradient, self.constraints[b].direction
         return not same(self.values.dot(gradient, direction).number, 0.0)
 
+    def lets_pass(self, contact):
+        """Return True if an action slows bodies and turns none back; random states are tried."""
+        program = program_of(self.values.operations, [contact.passed.number])
+        x = np.random.default_rng(0).uniform(-1.5, 1.5, (self.values.parameters.stop, 32))
+        with np.errstate(all="ignore"):
+            return bool((results_at(program, dict(enumerate(x)), (32,))[0] > 1e-9).all())
+
     def with_sides(self, sides):
         """Return the rates (D), the factors of forces, and the matrix of the equations for them.
 
@@ -232,7 +239,8 @@ class SlidingEquations(_Rates):
         pairs = dict(compress(pairs.items(), has_mode))
         for k, contact in trial.touching.items():
             is_of_f = any(same(contact.s.number, s) for s in trial.surfaces)
-            if is_of_f or not trial.changes(contact.mode, contact.mode):
+            holds = not is_of_f and trial.changes(contact.mode, contact.mode)
+            if not holds or trial.lets_pass(contact):
                 del touching[k]
         super().__init__(f, comparisons, pairs, touching, D, P, levels)
         changes = sum(self.changes(a, b) for a, b in product(self.constraints, repeat=2))

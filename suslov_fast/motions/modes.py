@@ -129,9 +129,11 @@ class Sliding:
             part, _ = extension.run(K, self.request)
         of_part, ends = part.records.in_order(), part.all_ends
         status = ends.status
-        # An infinite mode marks a failure, as if no values of modes are consistent: status SLIDING.
-        # If the user has no events on surfaces, changes of modes accumulate: SLIDING, too.
-        status[of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]] = Status.SLIDING
+        # An infinite mode marks a failure, as if no values of modes are consistent: status SLIDING,
+        # unless the next action finds some. If the user has no events on surfaces, changes of modes
+        # accumulate: SLIDING, too.
+        failed = of_part.trajectory[np.isinf(of_part.states[:, D:]).any(axis=1)]
+        status[failed[status[failed] < 0]] = Status.SLIDING
         if not self.surfaces:
             status[status == Status.ACCUMULATES] = Status.SLIDING
         part = part._replace(ends=ends)

@@ -609,3 +609,34 @@ def test_a_surface_that_parameters_make_0_everywhere():
     motion = flow(field, [0.0, 0.0], time=5.0)  # y rises at the rate 1 to 2, then x' = 0
     assert motion.ok
     np.testing.assert_allclose(motion.final, [-1.0, 2.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.1, -3.0])
+@pytest.mark.parametrize("form", ["constant", "parameter", "quotient"])
+def test_surfaces_that_are_multiples_of_one(form, factor):
+    """From b = 0 on f has two sides only, though it compares b and a multiple of b with 0."""
+    turn = np.sign(factor)
+
+    def f(x, k=factor):
+        one = -turn * np.sign(k * x[1])
+        if form == "quotient":
+            one = -turn * ((k * x[1]) / abs(k * x[1]))
+        return one + 0.1, -np.sign(x[1]) + 0.2 * x[0]
+
+    field = Field(f, "a b", **({"k": factor} if form == "parameter" else {}))
+    motion = flow(field, [0.5, 0.4], time=2.0)
+    hit = np.roots([-0.09, -0.9, 0.4]).max()  # b = .4 - .9 t - .09 t**2, then a' = .1 - .2 a
+    right = 0.5 - 0.9 * hit * np.exp(-0.2 * (2.0 - hit))
+    assert motion.ok
+    np.testing.assert_allclose(motion.final, [right, 0.0], atol=1e-9)
+
+
+def test_three_lines_through_one_point():
+    """The solution comes to the point along one of them, and stays, as with tanh(1e5 s)."""
+    field = Field(
+        lambda x: (-np.sign(x[0]) - 0.5 * np.sign(x[0] + x[1]), 0.2 - 0.7 * np.sign(x[1])), 2
+    )
+    motion = flow(field, [0.3, -0.6], time=[0.6, 2.0])  # at (0, 0) for t = 2/3
+    assert motion.ok
+    assert motion.end == 2.0
+    np.testing.assert_allclose(motion.states, [[0.0, -0.06], [0.0, 0.0]], atol=1e-12)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..expressions.function_records import same
 from ..expressions.numpy_evaluation import results_at
-from ..expressions.programs import emitted, folded, program_of, renamed
+from ..expressions.programs import dot, emitted, folded, is_zero, program_of, renamed
 from ..expressions.projection import NOTHING
 from ..expressions.tolerances import TINY
 from ..expressions.values import Number, joined, operand_of
@@ -43,7 +43,7 @@ class _Rates:
 
     pairs        the two compared operands of each surface
     twins        {number of a surface: [(number of an earlier one, its sign, truth value that the
-                 parameters make both the same plane)]}
+                 parameters make both the same plane, s of one a multiple of the other's)]}
     flats        {number of a surface: truth value that s has the same value in all states}
     comparisons  the operations that compare them; both are results of `_comparisons_in`
     values       the `ExtendedState` of f, its modes and its parameters
@@ -92,22 +92,43 @@ class _Rates:
         slopes = values.slopes(surfaces)
         is_plane = [all(map(values.is_fixed, row.values())) for row in slopes]
 
-        def are_equal(pairs, sign=1.0):
+        def are_true(name, pairs):
             truth = True
-            for a, b in pairs:
-                is_same = folded(emit, "oeq", (a, emit("fmul", sign, b)))
-                truth = folded(emit, "and", (truth, is_same))
+            for pair in pairs:
+                truth = folded(emit, "and", (truth, folded(emit, name, pair)))
+                if truth is False:
+                    break
             return truth
 
         for g in compress(range(self.count), is_plane):
-            if (truth := are_equal((a, 0.0) for a in slopes[g].values())) is not False:
+            if (truth := are_true("oeq", ((a, 0.0) for a in slopes[g].values()))) is not False:
                 self.flats[g] = truth
         for g, h in combinations(compress(range(self.count), is_plane), 2):
             pairs = [(slopes[g].get(i, 0.0), slopes[h].get(i, 0.0)) for i in range(self.D)]
+            pairs = [pair for pair in pairs if not all(map(is_zero, pair))]
             pairs.append((at_0[g].number, at_0[h].number))
+            minors = [
+                (emit("fmul", a, d), emit("fmul", b, c))
+                for (a, b), (c, d) in combinations(pairs, 2)
+            ]
+            are_parallel, product = are_true("oeq", minors), dot(emit, pairs, 0.0)
             for sign in (1.0, -1.0):
-                if (truth := are_equal(pairs, sign)) is not False:
+                is_same = folded(emit, "ogt", (emit("fmul", sign, product), 0.0))
+                if (truth := folded(emit, "and", (are_parallel, is_same))) is not False:
                     self.twins.setdefault(h, []).append((g, sign, truth))
+
+    def by_first_twins(self):
+        """Return the comparisons, with the first one of planes that are equal whatever numbers."""
+        keys, first = [*self.pairs], {}
+        for h, twins in self.twins.items():
+            g, sign, truth = twins[0]
+            if truth is True:
+                first[keys[h]] = keys[g], sign
+        found = {}
+        for number, (key, kind, sign, *factors) in self.comparisons.items():
+            key, own = first.get(key, (key, 1.0))
+            found[number] = key, kind, own * sign, *factors
+        return found
 
     def _is_above(self, g, sides):
         """Return the truth value that f is f above surface g; a twin has the side of its twin."""
@@ -236,6 +257,7 @@ class SlidingEquations(_Rates):
         # d2s/dt2, and if f neither jumps nor has a kink at its surface.
         trial = _Rates(f, comparisons, pairs, touching, D, P, levels)
         has_mode = [trial.changes(D + g, D + g) for g in range(len(pairs))]
+        comparisons = trial.by_first_twins()
         pairs = dict(compress(pairs.items(), has_mode))
         for k, contact in trial.touching.items():
             is_of_f = any(same(contact.s.number, s) for s in trial.surfaces)
@@ -500,9 +522,10 @@ def _comparisons_in(values, program):
             if kind == "fabs":
                 inner, factors = values.parts_of(operands[0])
                 [x] = values.parts_of(operands[1])[1]
-                a, b = factors if inner == "fmul" else (1.0, operands[0])
-                if same(a, x) or same(b, x):
-                    comparisons[number] = key, "fdiv", *sign, a if same(b, x) else b
+                products = [(1.0, operands[0]), *([factors] if inner == "fmul" else [])]
+                for a, b in products:
+                    if same(a, x) or same(b, x):
+                        comparisons[number] = key, "fdiv", *sign, a if same(b, x) else b
         if name not in (*_COMPARISONS, *_KINKS) or all(map(values.is_fixed, operands)):
             continue
         a, b = operands if name != "fabs" else (operands[0], 0.0)

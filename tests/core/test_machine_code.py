@@ -94,8 +94,8 @@ def test_bits_without_jit():
 MATRIX = {"MOST_OF_DENSE": -1, "MOST_OF_SPARSE": -1}
 WAYS = {
     "pieces": ({"MOST_OPTIMISED": 0}, 0.0),
-    "loops over the matrix": (MATRIX | {"SPARSE_PART": 0.0}, 1e-10),
-    "SuperLU": (MATRIX | {"SPARSE_PART": np.inf}, 1e-10),
+    "loops over the matrix": (MATRIX | {"PART_OF_DENSE": 0.0}, 1e-10),
+    "SuperLU": (MATRIX | {"PART_OF_DENSE": np.inf}, 1e-10),
 }
 
 

@@ -10,6 +10,7 @@ state with |s| <= `near` is on the surface.
 """
 
 from math import inf
+from typing import Any, NamedTuple
 
 from ...expressions.tolerances import TINY
 from ...expressions.values import larger, smaller
@@ -43,6 +44,50 @@ from .records import record
 
 LEAST_POSITIVE = 2.0**-1074  # the least positive number
 STAYS = 0.25  # a mark in the row `side` (else 0, 1 or `GAP`): the state stays on the surface
+
+
+class Surface(NamedTuple):
+    """The numbers of a surface s = 0 at a state, as at the head of this file."""
+
+    value: Any
+    rate: Any
+    size: Any
+    rate_size: Any
+
+
+class Place(NamedTuple):
+    """Where a state is: its `side` of a surface, with the `level` from which on s is above."""
+
+    side: Any
+    level: Any
+
+
+class Kind(NamedTuple):
+    """What is known of the function s of a surface: `EventAction.holds`, and what it may be."""
+
+    holds: Any
+    may_be_flat: Any
+    may_have_poles: Any
+
+
+class StepEnd(NamedTuple):
+    """The end of a step: its time, the last time, the sign of time, and the outcome of the step."""
+
+    t: Any
+    last: Any
+    sign: Any
+    accepted: Any
+    f_ends: Any
+
+
+class Following(NamedTuple):
+    """Actions that follow one another: the carried results of `AGAIN`, and its two rows."""
+
+    more: Any
+    limit: Any
+    hop: Any
+    acted_at: Any
+    pause: Any
 
 
 def _level(is_above, value, rounding):
@@ -91,9 +136,8 @@ def SIDE_AT_START(value, rate, size, rate_size, near, t, sign, holds):
 
 @scalar_kernel
 def TOUCHING_SIDE(
-    side, level, value, rate, size, rate_size, later, slopes, slopes_later, has_branches, at_start,
-    fired, sign,
-):  # fmt: skip
+    place: Place, at: Surface, later, slopes, slopes_later, has_branches, at_start, fired, sign
+):
     """Return `side` and `level` of a state at a surface s = 0; STAYS becomes a side in two cases.
 
     If s is 0 in a whole neighbourhood of the state, the side is above. Only an s with branches is,
@@ -101,6 +145,7 @@ def TOUCHING_SIDE(
     decide. If an event has acted (`fired`), and the rate
     leads back a moment later, the side is the one from which the state came.
     """
+    (side, level), (value, rate, size, rate_size) = place, at
     stays = side.equals(STAYS)
     is_flat = value.equals(0.0) & slopes_later.equals(0.0) & (has_branches > 0.5)
     is_flat = is_flat & ((stays & slopes.equals(0.0)) | (at_start > 0.5))
@@ -128,8 +173,8 @@ def LEVEL_AFTER_ACTION(side, level, value, rate, fired, holds, t, sign):
 
 @scalar_kernel
 def CROSSED(
-    value, rate, size, rate_size, slopes, slopes_later, near, side, level, crossed_at, is_here,
-    by_motion, holds, may_be_flat, may_have_poles, s_start, t, last, sign, accepted, f_ends,
+    at: Surface, slopes, slopes_later, near, place: Place, crossed_at, is_here, by_motion,
+    kind: Kind, s_start, end: StepEnd,
 ):  # fmt: skip
     """Return whether a state crossed a surface `up` or `down`, and the rows of the surface.
 
@@ -139,13 +184,15 @@ def CROSSED(
     across, its return at once is no crossing. At a pole s, with the value `s_start` where the step
     began, changes its sign, though its rate leads back: this changes the side, and is no crossing.
     """
+    (value, rate, size, _), (side, level) = at, place
+    (holds, may_be_flat, may_have_poles), (t, last, sign, accepted, f_ends) = kind, end
     is_here, by_motion, stays = is_here > 0.0, by_motion > 0.0, side.equals(STAYS)
     has_side = ~(stays | side.equals(GAP))
     of_value = (value >= level).select(1.0, value.equals(value).select(0.0, GAP))
     near = (f_ends > 0.0).select(larger(near, EDGE * t * abs(rate)), near)
     of_terms = stays.select(LOW_AFTER_ACTION, NOISE_OF_SURFACE) * size
-    at = (holds > 1.0).select(0.0, level)
-    near_surface = _side(value, rate, size, rate_size, larger(of_terms, near), t, sign, at)
+    left = (holds > 1.0).select(0.0, level)
+    near_surface = _side(*at, larger(of_terms, near), t, sign, left)
     on = (near_surface["is_on"] > 0.0) & (abs(value) < inf)
     is_slow = SLOW_AT_SURFACE * last * abs(rate) <= ROUNDING_OF_SURFACE * size
     of_rest = is_slow | near_surface["side"].equals(STAYS)
@@ -187,9 +234,8 @@ def CROSSED(
 
 @scalar_kernel
 def AGAIN(
-    fired, near, rate_before, value, rate, size, rate_size, later, moment, t, wanted, acted_at,
-    pause, more, limit, hop, sign, rests,
-):  # fmt: skip
+    fired, near, rate_before, at: Surface, later, moment, t, wanted, so_far: Following, sign, rests
+):
     """Return `more` > 0 if actions at s = 0 follow one another at once, and when they accumulate.
 
     With r = ds/dt and a = dr/dt after the action, s is 0 again after a time 2 |r / a|, and |s|
@@ -201,6 +247,7 @@ def AGAIN(
     The next step is at most `hop`, twice the time 2 |r / a|. If s is a cubic that returns to 0 and
     becomes positive again, it is negative there: at the end of this step the return is seen.
     """
+    (value, rate, size, rate_size), (more, limit, hop, acted_at, pause) = at, so_far
     is_fired, gap, now = abs(fired) > 0.0, t - acted_at, larger(t, wanted)
     is_on = abs(value) <= near + (ROUNDING_OF_SURFACE * size + TINY)
     stays = abs(rate) <= ROUNDING_OF_SURFACE * (rate_size + abs(rate_before))

@@ -56,14 +56,14 @@ class Surface(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a state is: its `side` of a surface, with the `level` from which on s is above."""
+    """The `side` of a surface on which a state is; it is above if s is at least `level`."""
 
     side: Any
     level: Any
 
 
 class Kind(NamedTuple):
-    """What is known of the function s of a surface: `EventAction.holds`, and what it may be."""
+    """Properties of the function s of a surface, with `EventAction.holds`."""
 
     holds: Any
     may_be_flat: Any

@@ -99,7 +99,7 @@ class FirstCrossing(NamedTuple):
 
 
 class Crossings(NamedTuple):
-    """What values of surfaces at points of a step tell."""
+    """Crossings that values of surfaces at points of a step show."""
 
     crosses: Any  # 1 if the values at both ends show a crossing
     twice: Any  # 1 if the values at points show two crossings
